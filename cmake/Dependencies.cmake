@@ -1,0 +1,34 @@
+# Every third-party package, found once. All are Debian packages; scripts/setup installs them.
+find_package(Threads REQUIRED)
+find_package(Eigen3 3.4 REQUIRED NO_MODULE)
+find_package(Ceres 2.1 REQUIRED)
+find_package(SQLite3 REQUIRED)
+find_package(SQLiteCpp REQUIRED)
+find_package(CLI11 REQUIRED)
+find_package(spdlog REQUIRED)
+find_package(yaml-cpp REQUIRED)
+find_package(nlohmann_json REQUIRED)
+find_path(HTTPLIB_INCLUDE_DIR httplib.h REQUIRED)
+find_library(HTTPLIB_LIBRARY cpp-httplib REQUIRED)
+
+# GeographicLib ships its find module outside CMake's own path.
+list(APPEND CMAKE_MODULE_PATH /usr/share/cmake/geographiclib)
+find_package(GeographicLib REQUIRED)
+
+# LCM has no CMake package in Debian, and its pkg-config file drags in glib's headers: find it by hand.
+find_path(LCM_INCLUDE_DIR lcm/lcm-cpp.hpp REQUIRED)
+find_library(LCM_LIBRARY lcm REQUIRED)
+find_program(LCM_GEN lcm-gen REQUIRED)
+add_library(lcm::lcm UNKNOWN IMPORTED)
+set_target_properties(lcm::lcm PROPERTIES
+  IMPORTED_LOCATION ${LCM_LIBRARY}
+  INTERFACE_INCLUDE_DIRECTORIES ${LCM_INCLUDE_DIR})
+
+# OpenCV by hand: its CMake package comes only with libopencv-dev, which pulls in VTK and a desktop.
+find_path(OPENCV_INCLUDE_DIR opencv2/core.hpp PATH_SUFFIXES opencv4 REQUIRED)
+add_library(mapmend_opencv INTERFACE)
+target_include_directories(mapmend_opencv SYSTEM INTERFACE ${OPENCV_INCLUDE_DIR})
+foreach(module core imgproc imgcodecs videoio features2d calib3d)
+  find_library(OPENCV_${module}_LIBRARY opencv_${module} REQUIRED)
+  target_link_libraries(mapmend_opencv INTERFACE ${OPENCV_${module}_LIBRARY})
+endforeach()

@@ -1,0 +1,73 @@
+# How mapmend's own targets are made: one function for libraries, one for programs, one for tests.
+
+# Flags for our own code only; third-party headers come in as SYSTEM.
+add_library(mapmend_flags INTERFACE)
+target_compile_options(mapmend_flags INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual)
+if(MAPMEND_WERROR)
+  target_compile_options(mapmend_flags INTERFACE -Werror)
+endif()
+# popcnt for Hamming distances; no wider, because Eigen's alignment must match Ceres as Debian builds it, and no
+# fused multiply-add, so that every x86-64 machine computes the same bits.
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+  target_compile_options(mapmend_flags INTERFACE -march=x86-64-v2)
+endif()
+target_compile_options(mapmend_flags INTERFACE -ffp-contract=off)
+if(MAPMEND_SANITIZE)
+  target_compile_options(mapmend_flags INTERFACE -fsanitize=${MAPMEND_SANITIZE} -fno-omit-frame-pointer -g)
+  target_link_options(mapmend_flags INTERFACE -fsanitize=${MAPMEND_SANITIZE})
+endif()
+target_include_directories(mapmend_flags INTERFACE ${PROJECT_SOURCE_DIR})
+target_compile_definitions(mapmend_flags INTERFACE MAPMEND_VERSION="${PROJECT_VERSION}")
+
+# mapmend_library(NAME LIBS ...): a static library of every .cc file in the current folder (but main.cc).
+function(mapmend_library name)
+  cmake_parse_arguments(ARG "" "" "LIBS" ${ARGN})
+  file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cc)
+  list(FILTER sources EXCLUDE REGEX "/main\\.cc$")
+  list(FILTER sources EXCLUDE REGEX "_benchmark\\.cc$")
+  if(sources)
+    add_library(${name} STATIC ${sources})
+    target_link_libraries(${name} PUBLIC ${ARG_LIBS} PRIVATE mapmend_flags)
+    target_include_directories(${name} PUBLIC ${PROJECT_SOURCE_DIR})
+  else()
+    add_library(${name} INTERFACE)
+    target_link_libraries(${name} INTERFACE ${ARG_LIBS})
+    target_include_directories(${name} INTERFACE ${PROJECT_SOURCE_DIR})
+  endif()
+endfunction()
+
+# mapmend_program(NAME DESTINATION LIBS ...): the program of main.cc in the current folder.
+function(mapmend_program name destination)
+  cmake_parse_arguments(ARG "" "" "LIBS" ${ARGN})
+  if(NOT EXISTS ${CMAKE_CURRENT_SOURCE_DIR}/main.cc)
+    return()
+  endif()
+  add_executable(${name} main.cc)
+  target_link_libraries(${name} PRIVATE ${ARG_LIBS} mapmend_flags)
+  install(TARGETS ${name} RUNTIME DESTINATION ${destination})
+endfunction()
+
+# mapmend_unit_tests(AREA LIBS ...): tests/unit/AREA/*_test.cc become one program, unit_AREA; ctest lists each TEST.
+function(mapmend_unit_tests area)
+  cmake_parse_arguments(ARG "" "" "LIBS" ${ARGN})
+  file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${area}/*.cc)
+  if(NOT sources)
+    return()
+  endif()
+  add_executable(unit_${area} ${sources})
+  target_link_libraries(unit_${area} PRIVATE ${ARG_LIBS} GTest::gtest GTest::gmock GTest::gtest_main mapmend_flags)
+  target_compile_definitions(unit_${area} PRIVATE MAPMEND_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+                                                  MAPMEND_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
+  gtest_discover_tests(unit_${area} TEST_PREFIX "${area}/" DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 120)
+endfunction()
+
+# mapmend_benchmark(NAME LIBS ...): NAME_benchmark.cc in the current folder, with Google Benchmark.
+function(mapmend_benchmark name)
+  cmake_parse_arguments(ARG "" "" "LIBS" ${ARGN})
+  if(NOT MAPMEND_BUILD_BENCHMARKS)
+    return()
+  endif()
+  find_package(benchmark REQUIRED)
+  add_executable(${name}_benchmark ${name}_benchmark.cc)
+  target_link_libraries(${name}_benchmark PRIVATE ${ARG_LIBS} benchmark::benchmark mapmend_flags)
+endfunction()

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <string>
+
+// Channel names (docs/protocol.md). A bus may put a prefix before them, so that several runs share one hub.
+namespace mapmend::channels {
+
+inline constexpr char kSession[] = "MAPMEND_SESSION";
+inline constexpr char kSubmap[] = "MAPMEND_SUBMAP";
+inline constexpr char kKeyframe[] = "MAPMEND_KEYFRAME";
+inline constexpr char kMapUpdate[] = "MAPMEND_MAP_UPDATE";
+inline constexpr char kAck[] = "MAPMEND_ACK";
+inline constexpr char kStreamState[] = "MAPMEND_STREAM_STATE";
+inline constexpr char kBowQuery[] = "MAPMEND_BOW_QUERY";
+inline constexpr char kBowResult[] = "MAPMEND_BOW_RESULT";
+inline constexpr char kFetch[] = "MAPMEND_FETCH";
+inline constexpr char kFetched[] = "MAPMEND_FETCHED";
+inline constexpr char kConnection[] = "MAPMEND_CONNECTION";
+inline constexpr char kMergedTransforms[] = "MAPMEND_MERGED_TRANSFORMS";
+inline constexpr char kRevision[] = "MAPMEND_REVISION";
+inline constexpr char kRevisionPart[] = "MAPMEND_REVISION_PART";
+inline constexpr char kRevisionAck[] = "MAPMEND_REVISION_ACK";
+inline constexpr char kFramePose[] = "MAPMEND_FRAME_POSE";
+inline constexpr char kImage[] = "MAPMEND_IMAGE";
+inline constexpr char kHealth[] = "MAPMEND_HEALTH";
+
+}  // namespace mapmend::channels

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "libs/mapping/records.h"
+
+// Records of the stream to and from their wire form. Decoding treats the bytes as untrusted: lengths, counts that must agree,
+// ids, octaves and finiteness are checked.
+namespace mapmend {
+
+struct EncodedRecord {
+  std::string session;
+  int64_t seq = -1;
+  std::string channel;  // without prefix
+  std::vector<uint8_t> data;
+};
+
+EncodedRecord EncodeRecord(const Record& record);
+
+struct DecodedRecord {
+  std::optional<Record> record;
+  std::string error;  // one line, if there is no record
+};
+DecodedRecord DecodeRecord(const std::string& channel, const uint8_t* data, int size);
+
+}  // namespace mapmend

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <string>
+
+namespace mapmend {
+
+// Options every process has: --lcm-url, --channel-prefix, --log-level, --version. Adds them to app.
+struct ProcessOptions {
+  std::string lcm_url;         // as given; pass through ResolveLcmUrl
+  std::string channel_prefix;
+  std::string log_level = "info";
+};
+void AddProcessOptions(CLI::App* app, ProcessOptions* options);
+
+// SIGINT and SIGTERM set a flag instead of killing the process; SIGPIPE is ignored. If the parent is mapmend's launcher (the
+// environment variable MAPMEND_PARENT is set), the process also asks the kernel for SIGTERM when its parent dies.
+void InstallSignalHandlers();
+bool StopRequested();
+
+// Runs body, turning any std::exception into "name: message" on stderr and exit code 1.
+int RunMain(const std::string& name, int (*body)(int argc, char** argv), int argc, char** argv);
+
+}  // namespace mapmend

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "libs/bus/bus.h"
+
+namespace mapmend {
+class bow_query_t;
+class bow_result_t;
+class fetch_t;
+class fetched_t;
+class revision_t;
+class revision_part_t;
+
+// Requests to the store by id, with time-out and retry. Synchronous: each call runs the bus's Handle until the reply is there
+// (so other handlers of the bus run meanwhile and must not call back into the client).
+class StoreClient {
+ public:
+  StoreClient(Bus* bus, const std::string& requester);  // requester: unique on the bus, e.g. "merger-<pid>"
+  ~StoreClient();
+
+  // id and requester are filled in. NOT_YET answers are retried until timeout_ms. nullopt: no answer in time.
+  std::optional<bow_result_t> Query(bow_query_t query, int timeout_ms = 10000);
+  std::optional<fetched_t> Fetch(fetch_t request, int timeout_ms = 10000);
+  // Sends a revision and its parts until each is acknowledged. False if not in time.
+  bool StoreRevision(const revision_t& revision, const std::vector<revision_part_t>& parts, int timeout_ms = 30000);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mapmend

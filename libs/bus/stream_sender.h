@@ -1,0 +1,40 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "libs/bus/bus.h"
+#include "libs/mapping/records.h"
+
+namespace mapmend {
+
+struct StreamSenderOptions {
+  int window = 64;              // records sent and not yet acknowledged
+  int resend_after_ms = 20;     // not sooner; grows with repeated attempts
+  int heartbeat_ms = 50;
+  std::string outbox_path;      // file that holds what is not acknowledged; empty: memory only
+};
+
+// The frontend's end of the reliable stream: numbers records, keeps them until the store has committed them, sends again.
+// Owns a thread that calls the bus's Handle, so it makes progress while the caller computes. Thread-safe.
+class StreamSender {
+ public:
+  StreamSender(Bus* bus, const std::string& session, const StreamSenderOptions& options);
+  ~StreamSender();
+
+  // Assigns the next seq, writes the record to the outbox and queues it. Returns the seq. Does not wait for the store:
+  // without a store or link it goes on buffering (to disk).
+  int64_t Append(int64_t utime, RecordBody body);
+  // Waits until all is acknowledged, or timeout_ms have passed without any progress. True if all is acknowledged.
+  bool Flush(int timeout_ms);
+
+  int64_t LastSeq() const;
+  int64_t AcknowledgedSeq() const;  // cumulative, -1: none
+  std::string StoreError() const;   // last error the store reported in its acks, e.g. "disk full"
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mapmend

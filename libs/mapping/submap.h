@@ -1,0 +1,68 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "libs/mapping/ids.h"
+#include "libs/mapping/records.h"
+
+// The read model of the stream: what every consumer downstream of the frontend knows of a flight. Built only by applying
+// records in order, so equal streams give equal models. Ordered containers, so that iteration is deterministic.
+namespace mapmend {
+
+struct SubmapKeyframe {
+  KeyframeId id;
+  int64_t utime = 0;
+  int frame = -1;
+  int64_t seq = -1;
+  Rigid3 cam_from_submap;
+  Features features;
+  std::vector<int32_t> words, nodes;
+  BowVector bow;
+  std::vector<MapPointId> map_points;  // per feature
+};
+
+struct SubmapObservation {
+  KeyframeId keyframe;
+  int feature = -1;
+};
+
+struct SubmapPoint {
+  MapPointId id;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // submap frame
+  std::vector<SubmapObservation> observations;         // ascending by keyframe
+};
+
+struct Submap {
+  SubmapId id;
+  bool ended = false;
+  std::string end_reason, end_detail;
+  int last_frame = -1;
+  std::map<KeyframeId, SubmapKeyframe> keyframes;
+  std::map<MapPointId, SubmapPoint> points;
+  std::vector<TrackedFrame> frames;  // in the order they were tracked
+  std::map<KeyframeId, KeyframePose> removed_keyframes;  // last pose of culled keyframes: frames may refer to them
+
+  // Pose of a tracked frame; falls back on removed keyframes.
+  Rigid3 CamFromSubmap(const TrackedFrame& frame) const;
+};
+
+struct Session {
+  std::string id;
+  int64_t start_utime = 0;
+  int64_t last_seq = -1;
+  bool ended = false;
+  int num_frames = 0;  // read, known once ended
+  SessionStarted info;
+  std::map<SubmapId, Submap> submaps;
+
+  // Applies the next record. Returns an empty string, or one line that says what is wrong with it (wrong seq, unknown
+  // submap, keyframe, point or feature index, non-finite value); then the session is unchanged.
+  std::string Apply(const Record& record);
+};
+
+// Number of map points that two keyframes of one submap share.
+int CountSharedPoints(const SubmapKeyframe& a, const SubmapKeyframe& b);
+
+}  // namespace mapmend
