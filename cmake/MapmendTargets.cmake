@@ -36,7 +36,8 @@ function(mapmend_library name)
   endif()
 endfunction()
 
-# mapmend_program(NAME DESTINATION LIBS ...): the program of main.cc in the current folder.
+# mapmend_program(NAME DESTINATION LIBS ...): the program of main.cc in the current folder. The target "programs" builds all.
+add_custom_target(programs)
 function(mapmend_program name destination)
   cmake_parse_arguments(ARG "" "" "LIBS" ${ARGN})
   if(NOT EXISTS ${CMAKE_CURRENT_SOURCE_DIR}/main.cc)
@@ -44,6 +45,7 @@ function(mapmend_program name destination)
   endif()
   add_executable(${name} main.cc)
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} mapmend_flags)
+  add_dependencies(programs ${name})
   install(TARGETS ${name} RUNTIME DESTINATION ${destination})
 endfunction()
 
