@@ -1,0 +1,53 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "libs/geometry/camera.h"
+#include "libs/geometry/rigid3.h"
+
+// Bundle adjustment: poses and points that minimise sum rho(|project(cam_from_world * point) - pixel|^2 / sigma^2).
+// Ceres, Levenberg-Marquardt with a Schur complement, analytic Jacobians, one thread (so the result is bit-reproducible).
+namespace mapmend {
+
+struct BundlePose {
+  Rigid3 cam_from_world;
+  bool fixed = false;
+  int camera = 0;  // index into BundleProblem::cameras
+};
+
+struct BundleObservation {
+  int pose = -1;
+  int point = -1;
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  double sigma = 1.0;  // pixels
+};
+
+struct BundleProblem {
+  std::vector<Pinhole> cameras;
+  std::vector<BundlePose> poses;          // at least one fixed, or the gauge is left to the damping; scale needs two
+  std::vector<Eigen::Vector3d> points;    // world frame
+  std::vector<BundleObservation> observations;
+};
+
+struct BundleOptions {
+  int max_iterations = 10;
+  double huber = 2.4477;             // sqrt of chi2(2 dof, 95 %): in units of sigma
+  double function_tolerance = 1e-5;
+  double max_seconds = 0;            // 0: no bound. A bound makes the result depend on the machine: live use only.
+};
+
+struct BundleSummary {
+  bool success = false;
+  int iterations = 0;
+  double initial_cost = 0, final_cost = 0;  // robust costs
+};
+
+// Improves problem in place. On failure (no usable observation, solver breakdown) the problem is unchanged.
+BundleSummary AdjustBundle(const BundleOptions& options, BundleProblem* problem);
+
+// Squared error over sigma^2 of one observation; infinity behind the camera.
+double ReprojectionChi2(const Pinhole& camera, const Rigid3& cam_from_world, const Eigen::Vector3d& point,
+                        const Eigen::Vector2d& pixel, double sigma);
+
+}  // namespace mapmend
