@@ -1,0 +1,25 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+// The subcommands of `mapmend`. Each Add<X>Command (in <x>_command.cc) adds one subcommand with its options to app; its callback
+// runs after parsing, in the calling thread. A callback throws std::exception for an error (main prints one line and exits with 1)
+// or CLI::RuntimeError(code) to end with that exit code, having said why itself.
+namespace mapmend {
+
+void AddForwardCommands(CLI::App* app);
+
+// One `mapmend NAME ARGUMENTS...` that is another program, or a subcommand of one: executes it with the arguments as they are.
+struct ForwardCommand {
+  std::string name;
+  std::string program;       // found by FindProgram
+  std::string first_argument;  // put before the arguments unless empty
+  std::string description;
+};
+
+// Replaces this process by the program. Throws std::runtime_error if it cannot be found or started.
+[[noreturn]] void ExecForward(const ForwardCommand& command, const std::vector<std::string>& arguments);
+
+}  // namespace mapmend

@@ -1,0 +1,23 @@
+// The command people type. Every subcommand is a file of its own: <x>_command.cc.
+
+#include <exception>
+#include <iostream>
+
+#include "procs/mapmend/commands.h"
+
+int main(int argc, char** argv) {
+  CLI::App app("mapmend mends broken visual SLAM maps: submaps, an undirected connected graph, one merged map.", "mapmend");
+  app.set_version_flag("--version", std::string("mapmend ") + MAPMEND_VERSION);
+  app.require_subcommand(1);
+  app.footer("`mapmend COMMAND --help` tells more.");
+  mapmend::AddForwardCommands(&app);
+  try {
+    app.parse(argc, argv);
+    return 0;
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e);
+  } catch (const std::exception& e) {
+    std::cerr << "mapmend: " << e.what() << "\n";
+    return 1;
+  }
+}
