@@ -1,0 +1,56 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "libs/features/features.h"
+
+namespace cv {
+class Mat;
+}
+
+namespace mapmend {
+
+struct OrbOptions {
+  int num_features = 1000;     // at most; fewer where the image has no texture
+  double scale_factor = 1.2;   // between pyramid levels
+  int num_levels = 8;          // levels too small for one patch stay empty
+  int fast_threshold = 20;     // grey levels
+  int min_fast_threshold = 7;  // in cells without a corner at fast_threshold
+  int cell_size = 32;          // pixels of the level; the cells of the adaptive threshold
+
+  // Throws std::invalid_argument naming the option that is out of range.
+  void Check() const;
+};
+
+// Features of one image as extracted; both vectors have the same length. Ordered by octave, then along a space-filling
+// curve.
+struct RawFeatures {
+  std::vector<Keypoint>
+      keypoints;  // pixel: of the image given, that is with lens distortion; level 0, centres at integers
+  std::vector<Descriptor> descriptors;
+
+  int Size() const { return static_cast<int>(keypoints.size()); }
+};
+
+// ORB features: FAST corners on an image pyramid with a threshold that adapts per cell, spread evenly over image and
+// levels, oriented by intensity centroid, described by oriented BRIEF (Rublee et al., ICCV 2011). Descriptors fit the
+// vocabularies of ORB-SLAM. Same image and options, same bits. Thread-safe.
+class OrbExtractor {
+ public:
+  explicit OrbExtractor(const OrbOptions& options);
+  ~OrbExtractor();
+
+  // grey8: one channel, 8 bit; throws std::invalid_argument otherwise. Any size, also empty.
+  RawFeatures Extract(const cv::Mat& grey8) const;
+
+  const OrbOptions& Options() const { return options_; }
+  Pyramid ImagePyramid() const { return {options_.scale_factor, options_.num_levels}; }
+
+ private:
+  struct Impl;
+  OrbOptions options_;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mapmend
