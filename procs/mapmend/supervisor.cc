@@ -1,0 +1,167 @@
+#include "procs/mapmend/supervisor.h"
+
+#include <algorithm>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <stdexcept>
+
+namespace mapmend {
+namespace {
+
+using std::chrono::milliseconds;
+
+long FileSize(const std::string& path) {
+  std::error_code error;
+  const auto size = std::filesystem::file_size(path, error);
+  return error ? 0 : static_cast<long>(size);
+}
+
+}  // namespace
+
+void SupervisorOptions::Check() const {
+  if (log_folder.empty()) throw std::invalid_argument("SupervisorOptions.log_folder is empty");
+  if (first_backoff_ms < 1 || max_backoff_ms < first_backoff_ms) {
+    throw std::invalid_argument("SupervisorOptions: 1 <= first_backoff_ms <= max_backoff_ms");
+  }
+  if (max_quick_restarts < 0) throw std::invalid_argument("SupervisorOptions.max_quick_restarts is negative");
+  if (stop_grace_ms < 0) throw std::invalid_argument("SupervisorOptions.stop_grace_ms is negative");
+}
+
+Supervisor::Supervisor(const SupervisorOptions& options) : options_(options) { options_.Check(); }
+
+Supervisor::~Supervisor() { StopAll(); }
+
+Supervisor::Entry& Supervisor::Find(const std::string& name) {
+  for (const auto& entry : entries_) {
+    if (entry->spec.name == name) return *entry;
+  }
+  throw std::logic_error("no process " + name);
+}
+
+const Supervisor::Entry& Supervisor::Find(const std::string& name) const {
+  return const_cast<Supervisor*>(this)->Find(name);
+}
+
+std::string Supervisor::LogPath(const std::string& name) const { return options_.log_folder + "/" + name + ".log"; }
+
+void Supervisor::Launch(Entry* entry) {
+  const std::string log = LogPath(entry->spec.name);
+  entry->log_start = FileSize(log);
+  entry->child = std::make_unique<ChildProcess>(entry->spec.argv, log);
+  entry->started = Clock::now();
+}
+
+void Supervisor::Start(const ProcessSpec& spec) {
+  auto entry = std::make_unique<Entry>();
+  entry->spec = spec;
+  Launch(entry.get());
+  entries_.push_back(std::move(entry));
+}
+
+void Supervisor::ChangeArguments(const std::string& name, const std::vector<std::string>& argv) {
+  Find(name).spec.argv = argv;
+}
+
+void Supervisor::MarkReady(const std::string& name, pid_t pid) {
+  Entry& entry = Find(name);
+  if (entry.child && entry.child->Pid() == pid) entry.was_ready = true;
+}
+
+void Supervisor::AddUsage(Entry* entry, const ExitStatus& status) {
+  entry->usage.cpu_s += status.usage.cpu_s;
+  entry->usage.peak_rss_mb = std::max(entry->usage.peak_rss_mb, status.usage.peak_rss_mb);
+}
+
+void Supervisor::OnEnd(Entry* entry, const ExitStatus& status) {
+  AddUsage(entry, status);
+  entry->child.reset();
+  const ProcessSpec& spec = entry->spec;
+  if (spec.on_exit == OnExit::kReport) {
+    entry->status = status;
+    return;
+  }
+  const std::string line = FindErrorLine(LogPath(spec.name), spec.name, entry->log_start);
+  const std::string why = line.empty() ? spec.name + " ended with " + status.Describe() : line;
+  if (!entry->was_ready) throw std::runtime_error(why);
+  const auto ran = Clock::now() - entry->started;
+  entry->num_quick = ran >= milliseconds(options_.stable_after_ms) ? 0 : entry->num_quick + 1;
+  if (entry->num_quick > options_.max_quick_restarts) {
+    throw std::runtime_error(spec.name + " ended " + std::to_string(entry->num_quick) + " times in a row: " + why);
+  }
+  int backoff = options_.first_backoff_ms;
+  for (int i = 1; i < entry->num_quick && backoff < options_.max_backoff_ms; ++i) backoff *= 2;
+  entry->restart_at = Clock::now() + milliseconds(std::min(backoff, options_.max_backoff_ms));
+}
+
+void Supervisor::Tick() {
+  for (const auto& entry : entries_) {
+    if (entry->stopped) continue;
+    if (entry->child) {
+      if (const auto status = entry->child->Poll()) OnEnd(entry.get(), *status);
+    } else if (entry->spec.on_exit == OnExit::kRestart && Clock::now() >= entry->restart_at) {
+      ++entry->num_restarts;
+      Launch(entry.get());
+    }
+  }
+}
+
+void Supervisor::KillHung(const std::string& name) {
+  Entry& entry = Find(name);
+  if (entry.child) entry.child->Signal(SIGKILL);
+}
+
+std::optional<ExitStatus> Supervisor::Status(const std::string& name) const { return Find(name).status; }
+
+bool Supervisor::IsRunning(const std::string& name) const { return Find(name).child != nullptr; }
+
+pid_t Supervisor::Pid(const std::string& name) const {
+  const Entry& entry = Find(name);
+  return entry.child ? entry.child->Pid() : -1;
+}
+
+int Supervisor::NumRestarts(const std::string& name) const { return Find(name).num_restarts; }
+
+std::string Supervisor::ErrorLine(const std::string& name) const {
+  return FindErrorLine(LogPath(name), name, Find(name).log_start);
+}
+
+void Supervisor::Stop(const std::string& name) {
+  Entry& entry = Find(name);
+  entry.stopped = true;
+  if (!entry.child) return;
+  const ExitStatus status = entry.child->Stop(options_.stop_grace_ms);
+  AddUsage(&entry, status);
+  entry.child.reset();
+}
+
+void Supervisor::StopAll() {
+  for (auto entry = entries_.rbegin(); entry != entries_.rend(); ++entry) Stop((*entry)->spec.name);
+}
+
+std::vector<std::pair<std::string, ResourceUsage>> Supervisor::Usage() const {
+  std::vector<std::pair<std::string, ResourceUsage>> usage;
+  for (const auto& entry : entries_) usage.emplace_back(entry->spec.name, entry->usage);
+  return usage;
+}
+
+std::string FindErrorLine(const std::string& log_path, const std::string& name, long from) {
+  std::ifstream log(log_path);
+  log.seekg(from);
+  std::string last;
+  for (std::string line; std::getline(log, line);) {
+    if (line.empty()) continue;
+    for (const char* level : {"[error] ", "[critical] "}) {
+      const size_t at = line.find(level);
+      if (at != std::string::npos) {
+        const std::string text = line.substr(at + std::string(level).size());
+        return text.starts_with(name + ": ") ? text : name + ": " + text;
+      }
+    }
+    if (line.starts_with(name + ": ")) return line;
+    last = line;
+  }
+  return last.empty() ? last : name + ": " + last;
+}
+
+}  // namespace mapmend

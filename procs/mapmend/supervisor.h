@@ -1,0 +1,100 @@
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "procs/mapmend/child_process.h"
+
+// Starts, watches, restarts and stops the processes of one run.
+namespace mapmend {
+
+// What to do when a process ends although nobody asked it to.
+enum class OnExit {
+  kRestart,  // start it again, with back-off: it recovers its state from the store
+  kReport,   // keep its status for the caller (the frontend, the recorder)
+};
+
+struct ProcessSpec {
+  std::string name;               // also the name of its log file
+  std::vector<std::string> argv;  // argv[0] is a full path
+  OnExit on_exit = OnExit::kRestart;
+};
+
+struct SupervisorOptions {
+  std::string log_folder;       // must exist
+  int first_backoff_ms = 100;   // before the first restart; doubles with each further one
+  int max_backoff_ms = 5000;
+  int stable_after_ms = 10000;  // a process that ran for so long starts over with the first back-off
+  int max_quick_restarts = 6;   // ended so often without becoming stable: the run fails
+  int stop_grace_ms = 2000;     // between SIGTERM and SIGKILL
+
+  void Check() const;  // throws std::invalid_argument naming the option
+};
+
+class Supervisor {
+ public:
+  explicit Supervisor(const SupervisorOptions& options);
+  ~Supervisor();  // stops everything
+
+  void Start(const ProcessSpec& spec);
+  // The arguments for the next start of a process (the hub learns its port in the first).
+  void ChangeArguments(const std::string& name, const std::vector<std::string>& argv);
+  // The process has reported that it is ready: from now on its end is followed by a restart. Before, it is an error: what
+  // cannot start (a wrong file, a full disk) does not start the second time either.
+  void MarkReady(const std::string& name, pid_t pid);
+  // Looks after every process; call at least ten times a second. Throws std::runtime_error with the process's own error
+  // line if one cannot be kept alive.
+  void Tick();
+  // Kills a process that has hung; Tick starts it again.
+  void KillHung(const std::string& name);
+
+  // Status of a kReport process that has ended; nullopt while it runs.
+  std::optional<ExitStatus> Status(const std::string& name) const;
+  bool IsRunning(const std::string& name) const;
+  pid_t Pid(const std::string& name) const;  // -1 if it is not running
+  int NumRestarts(const std::string& name) const;
+  // The first error line that the last incarnation of a process has logged; empty without one.
+  std::string ErrorLine(const std::string& name) const;
+  std::string LogPath(const std::string& name) const;
+
+  // Stops one process (and does not restart it), or all in reverse order of their start.
+  void Stop(const std::string& name);
+  void StopAll();
+
+  // Summed (CPU) and highest (memory) over all incarnations of each process that has ended, in order of start.
+  std::vector<std::pair<std::string, ResourceUsage>> Usage() const;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  struct Entry {
+    ProcessSpec spec;
+    std::unique_ptr<ChildProcess> child;
+    std::optional<ExitStatus> status;  // of a kReport process
+    bool was_ready = false;            // in any incarnation
+    bool stopped = false;
+    int num_restarts = 0, num_quick = 0;
+    long log_start = 0;  // where the last incarnation's output begins in the log
+    Clock::time_point started, restart_at;
+    ResourceUsage usage;
+  };
+
+  Entry& Find(const std::string& name);
+  const Entry& Find(const std::string& name) const;
+  void Launch(Entry* entry);
+  void OnEnd(Entry* entry, const ExitStatus& status);
+  static void AddUsage(Entry* entry, const ExitStatus& status);
+
+  SupervisorOptions options_;
+  std::vector<std::unique_ptr<Entry>> entries_;  // in order of start
+};
+
+// The first line of a log, from byte `from` on, that reports an error: "[error] ..." or "[critical] ..." of the logger, or
+// "name: ..." of a program that gave up. Without the logger's time stamp; the last line that is not empty if none does.
+std::string FindErrorLine(const std::string& log_path, const std::string& name, long from);
+
+}  // namespace mapmend
