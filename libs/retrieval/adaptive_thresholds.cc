@@ -1,0 +1,114 @@
+#include "libs/retrieval/adaptive_thresholds.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <unordered_map>
+
+namespace mapmend {
+namespace {
+
+void Require(bool good, const char* what) {
+  if (!good) throw std::invalid_argument(std::string("retrieval options: ") + what);
+}
+
+}  // namespace
+
+void ThresholdOptions::Check() const {
+  Require(nearby_overlap > 0 && nearby_overlap < 1, "nearby_overlap must lie in (0, 1)");
+  Require(min_overlap >= 0 && min_overlap <= nearby_overlap, "min_overlap must lie in [0, nearby_overlap]");
+  Require(max_overlap >= nearby_overlap && max_overlap <= 1, "max_overlap must lie in [nearby_overlap, 1]");
+  Require(min_ratio >= 0 && min_ratio <= max_ratio && max_ratio <= 1, "0 <= min_ratio <= max_ratio <= 1 must hold");
+  Require(default_k >= 0 && default_k <= 1, "default_k must lie in [0, 1]");
+  Require(default_l >= 0 && default_l <= 1, "default_l must lie in [0, 1]");
+}
+
+int32_t ChooseNearby(const std::vector<Overlap>& overlaps, int32_t adjacent, const ThresholdOptions& options) {
+  int32_t best = -1;
+  double best_distance = 0;
+  for (const Overlap& o : overlaps) {
+    if (o.keyframe == adjacent || !(o.value >= options.min_overlap && o.value <= options.max_overlap)) continue;
+    const double distance = std::abs(o.value - options.nearby_overlap);
+    if (best < 0 || distance < best_distance || (distance == best_distance && o.keyframe < best)) {
+      best = o.keyframe;
+      best_distance = distance;
+    }
+  }
+  return best;
+}
+
+AdaptiveThresholds ComputeThresholds(const BowVector& query, const BowVector* adjacent, const BowVector* nearby,
+                                     const ThresholdOptions& options) {
+  AdaptiveThresholds t;
+  t.k = options.default_k;
+  t.l = options.default_l;
+  if (adjacent) {
+    t.n0 = CountCommonWords(query, *adjacent);
+    t.s0 = BowScore(query, *adjacent);
+  }
+  if (nearby) {
+    t.n1 = CountCommonWords(query, *nearby);
+    t.s1 = BowScore(query, *nearby);
+  }
+  if (t.n0 > 0 && t.n1 > 0 && t.s0 > 0 && t.s1 > 0) {
+    t.k = std::clamp(static_cast<double>(t.n1) / t.n0, options.min_ratio, options.max_ratio);
+    t.l = std::clamp(t.s1 / t.s0, options.min_ratio, options.max_ratio);
+    t.adapted = true;
+  }
+  return t;
+}
+
+double NormalizedCommonWords(const IndexHit& hit, int num_query_words) {
+  if (hit.num_words <= num_query_words) return hit.common_words;
+  return static_cast<double>(hit.common_words) * num_query_words / hit.num_words;
+}
+
+Selection SelectCandidates(const std::vector<IndexHit>& hits, int num_query_words, const AdaptiveThresholds& thresholds,
+                           const std::function<std::vector<int32_t>(int32_t handle)>& covisible,
+                           const SelectionOptions& options) {
+  Selection selection;
+  for (const IndexHit& hit : hits) {
+    selection.max_common_words = std::max(selection.max_common_words, NormalizedCommonWords(hit, num_query_words));
+  }
+  const double min_common_words = std::max<double>(options.min_common_words, thresholds.k * selection.max_common_words);
+  std::vector<IndexHit> kept;
+  std::unordered_map<int32_t, int> position;  // of a handle in kept
+  for (const IndexHit& hit : hits) {
+    if (NormalizedCommonWords(hit, num_query_words) < min_common_words) continue;
+    position[hit.handle] = static_cast<int>(kept.size());
+    kept.push_back(hit);
+  }
+
+  // Per kept hit, the best sum of any group it is the best keyframe of.
+  std::vector<double> group_score(kept.size(), 0);
+  for (size_t i = 0; i < kept.size(); ++i) {
+    double sum = kept[i].score;
+    size_t best = i;
+    int num_neighbors = 0;
+    for (const int32_t neighbor : covisible(kept[i].handle)) {
+      if (num_neighbors++ == options.max_group_neighbors) break;
+      const auto it = position.find(neighbor);
+      if (it == position.end() || it->second == static_cast<int>(i)) continue;
+      const size_t j = it->second;
+      sum += kept[j].score;
+      if (kept[j].score > kept[best].score || (kept[j].score == kept[best].score && j < best)) best = j;
+    }
+    group_score[best] = std::max(group_score[best], sum);
+    selection.best_group_score = std::max(selection.best_group_score, sum);
+  }
+
+  for (size_t i = 0; i < kept.size(); ++i) {
+    if (group_score[i] > 0 && group_score[i] >= thresholds.l * selection.best_group_score) {
+      selection.candidates.push_back({kept[i].handle, kept[i].common_words, kept[i].score, group_score[i]});
+    }
+  }
+  std::stable_sort(selection.candidates.begin(), selection.candidates.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.group_score > b.group_score; });
+  if (static_cast<int>(selection.candidates.size()) > options.max_results) {
+    selection.candidates.resize(std::max(0, options.max_results));
+  }
+  return selection;
+}
+
+}  // namespace mapmend
