@@ -12,7 +12,8 @@ std::string CategoryColor(int index) {
                                                           "#8a5a2b", "#7a52d1", "#c9a100", "#4c6680", "#5b8c00"};
   index = std::max(index, 0);
   if (index < static_cast<int>(kChosen.size())) return kChosen[index];
-  // Hues a golden angle apart never repeat; three lightnesses keep neighbours in hue apart. HSL to RGB with saturation 0.6.
+  // Hues a golden angle apart never repeat; three lightnesses keep neighbours in hue apart. HSL to RGB with saturation
+  // 0.6.
   const double hue = std::fmod(0.13 + 0.381966 * index, 1.0) * 6.0;
   const double lightness = std::array<double, 3>{0.42, 0.55, 0.33}[index % 3];
   const double chroma = (1 - std::abs(2 * lightness - 1)) * 0.6;
@@ -25,7 +26,9 @@ std::string CategoryColor(int index) {
                                                           {chroma, 0, second}}};
   const std::array<double, 3>& rgb = sextants[static_cast<int>(hue) % 6];
   char text[8];
-  const auto byte = [&](double v) { return static_cast<unsigned>(std::lround(255 * (v + lightness - chroma / 2))) & 255u; };
+  const auto byte = [&](double v) {
+    return static_cast<unsigned>(std::lround(255 * (v + lightness - chroma / 2))) & 255u;
+  };
   std::snprintf(text, sizeof(text), "#%02x%02x%02x", byte(rgb[0]), byte(rgb[1]), byte(rgb[2]));
   return text;
 }

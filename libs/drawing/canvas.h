@@ -6,8 +6,8 @@
 
 namespace mapmend {
 
-// What a picture is drawn on: SVG for reports (svg_canvas.h), pixels where a bitmap is wanted. Coordinates are pixels, origin at
-// the top left, y down. Colours are "#rrggbb"; an empty colour draws nothing.
+// What a picture is drawn on: SVG for reports (svg_canvas.h), pixels where a bitmap is wanted. Coordinates are pixels,
+// origin at the top left, y down. Colours are "#rrggbb"; an empty colour draws nothing.
 class Canvas {
  public:
   struct Stroke {

@@ -7,8 +7,8 @@
 namespace mapmend {
 namespace {
 
-// Where "up" is for a person who holds, or flies, the camera: against the view for a camera that looks down, against the
-// image's y axis for one held upright; their sum serves all in between.
+// Where "up" is for a person who holds, or flies, the camera: against the view for a camera that looks down, against
+// the image's y axis for one held upright; their sum serves all in between.
 Eigen::Vector3d MeanUp(const Trajectory& trajectory) {
   Eigen::Vector3d up = Eigen::Vector3d::Zero();
   for (const StampedPose& pose : trajectory) {

@@ -32,12 +32,23 @@ std::string EscapeXml(const std::string& text) {
   std::string result;
   for (const char c : text) {
     switch (c) {
-      case '&': result += "&amp;"; break;
-      case '<': result += "&lt;"; break;
-      case '>': result += "&gt;"; break;
-      case '"': result += "&quot;"; break;
-      case '\'': result += "&#39;"; break;
-      default: result += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+      case '&':
+        result += "&amp;";
+        break;
+      case '<':
+        result += "&lt;";
+        break;
+      case '>':
+        result += "&gt;";
+        break;
+      case '"':
+        result += "&quot;";
+        break;
+      case '\'':
+        result += "&#39;";
+        break;
+      default:
+        result += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
     }
   }
   return result;
@@ -56,7 +67,8 @@ void SvgCanvas::DrawPolyline(const std::vector<Eigen::Vector2d>& points, const S
   body_ += "\"/>\n";
 }
 
-void SvgCanvas::DrawCircle(const Eigen::Vector2d& center, double radius, const std::string& fill, const Stroke& stroke) {
+void SvgCanvas::DrawCircle(const Eigen::Vector2d& center, double radius, const std::string& fill,
+                           const Stroke& stroke) {
   body_ += "<circle" + Attribute("cx", center.x()) + Attribute("cy", center.y()) + Attribute("r", radius) +
            FillAttribute(fill) + StrokeAttributes(stroke) + "/>\n";
 }
@@ -76,7 +88,9 @@ void SvgCanvas::DrawText(const Eigen::Vector2d& at, const std::string& text, con
     body_ += font.anchor == Anchor::kMiddle ? " text-anchor=\"middle\"" : " text-anchor=\"end\"";
   }
   if (font.bold) body_ += " font-weight=\"600\"";
-  body_ += ">" + EscapeXml(text) + "</text>\n";
+  body_ += '>';
+  body_ += EscapeXml(text);
+  body_ += "</text>\n";
 }
 
 void SvgCanvas::BeginGroup(const std::string& tooltip) { body_ += "<g><title>" + EscapeXml(tooltip) + "</title>\n"; }
@@ -85,9 +99,10 @@ void SvgCanvas::EndGroup() { body_ += "</g>\n"; }
 
 std::string SvgCanvas::Finish(const std::string& title) const {
   const std::string w = Number(width_), h = Number(height_);
-  return "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" width=\"" + w + "\" height=\"" + h + "\" viewBox=\"0 0 " +
-         w + " " + h + "\" font-family=\"system-ui, 'Segoe UI', 'DejaVu Sans', Arial, sans-serif\">\n<title>" +
-         EscapeXml(title) + "</title>\n" + body_ + "</svg>\n";
+  return "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" width=\"" + w + "\" height=\"" + h +
+         "\" viewBox=\"0 0 " + w + " " + h +
+         "\" font-family=\"system-ui, 'Segoe UI', 'DejaVu Sans', Arial, sans-serif\">\n<title>" + EscapeXml(title) +
+         "</title>\n" + body_ + "</svg>\n";
 }
 
 }  // namespace mapmend

@@ -15,9 +15,9 @@ constexpr char kMuted[] = "#6b7785", kGrid[] = "#e8ecf0", kFrame[] = "#c5cdd6", 
 
 // From view coordinates to pixels.
 struct Layout {
-  Eigen::Vector2d low, high;        // shown part of the plane
-  Eigen::Vector2d top_left, extent; // of the plot, pixels
-  double scale = 1;                 // pixels per unit
+  Eigen::Vector2d low, high;         // shown part of the plane
+  Eigen::Vector2d top_left, extent;  // of the plot, pixels
+  double scale = 1;                  // pixels per unit
   double legend_width = 0;
   Eigen::Vector2d size;
 
@@ -63,8 +63,8 @@ Layout MakeLayout(const TopView& view) {
   const double rows = static_cast<double>(view.tracks.size()) + (view.marks.empty() ? 0 : 1);
   layout.size = {layout.top_left.x() + layout.extent.x() + 24 + layout.legend_width + kMargin,
                  kTitleHeight + std::max(layout.extent.y() + 34, rows * kRowHeight + 10) + kMargin};
-  layout.size.x() = std::max(layout.size.x(), 2 * kMargin + std::max(EstimateTextWidth(view.title, 17),
-                                                                     EstimateTextWidth(view.subtitle, 12)));
+  layout.size.x() = std::max(
+      layout.size.x(), 2 * kMargin + std::max(EstimateTextWidth(view.title, 17), EstimateTextWidth(view.subtitle, 12)));
   return layout;
 }
 

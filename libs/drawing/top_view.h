@@ -16,12 +16,13 @@ struct PlaneView {
   Eigen::Vector2d Project(const Eigen::Vector3d& point) const { return {x_axis.dot(point), y_axis.dot(point)}; }
 };
 
-// The plane that fits the camera positions best, with the longest extent from left to right. Which side is up follows from how
-// the cameras are held: pictures are taken upright or downwards. Where the cameras move along a line, that alone decides.
+// The plane that fits the camera positions best, with the longest extent from left to right. Which side is up follows
+// from how the cameras are held: pictures are taken upright or downwards. Where the cameras move along a line, that
+// alone decides.
 PlaneView DominantPlane(const Trajectory& trajectory);
 
-// For ground truth whose axes mean something: x-y, unless z extends so much more than x or y that another pair of axes is the
-// ground (street data sets have y down).
+// For ground truth whose axes mean something: x-y, unless z extends so much more than x or y that another pair of axes
+// is the ground (street data sets have y down).
 PlaneView GroundPlane(const Trajectory& ground_truth);
 
 // The projected positions, cut where the time between neighbours exceeds gap_factor times the median.

@@ -9,6 +9,7 @@
 // or CLI::RuntimeError(code) to end with that exit code, having said why itself.
 namespace mapmend {
 
+void AddEvalCommand(CLI::App* app);
 void AddForwardCommands(CLI::App* app);
 
 // One `mapmend NAME ARGUMENTS...` that is another program, or a subcommand of one: executes it with the arguments as they are.

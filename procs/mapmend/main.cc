@@ -10,6 +10,7 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", std::string("mapmend ") + MAPMEND_VERSION);
   app.require_subcommand(1);
   app.footer("`mapmend COMMAND --help` tells more.");
+  mapmend::AddEvalCommand(&app);
   mapmend::AddForwardCommands(&app);
   try {
     app.parse(argc, argv);
