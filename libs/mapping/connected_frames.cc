@@ -1,0 +1,354 @@
+#include "libs/mapping/connected_frames.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <set>
+
+#include "libs/features/matching.h"
+#include "libs/mapping/guided_projection.h"
+
+namespace mapmend {
+namespace {
+
+template <typename... Args>
+std::string Format(const char* format, Args... args) {
+  char buffer[256];
+  std::snprintf(buffer, sizeof(buffer), format, args...);
+  return buffer;
+}
+
+using Window = std::vector<const SubmapKeyframe*>;
+
+// Features of a keyframe that observe a live map point.
+std::vector<int> MappedFeatures(const Submap& submap, const SubmapKeyframe& keyframe) {
+  std::vector<int> features;
+  for (int i = 0; i < keyframe.features.Size(); ++i) {
+    if (keyframe.map_points[i].IsValid() && submap.points.contains(keyframe.map_points[i])) features.push_back(i);
+  }
+  return features;
+}
+
+CrossObservation MakeObservation(const Eigen::Vector3d& point, const SubmapView& target,
+                                 const SubmapKeyframe& keyframe, int feature) {
+  const Keypoint& keypoint = keyframe.features.keypoints[feature];
+  return {point, keyframe.cam_from_submap, target.camera, keypoint.pixel.cast<double>(),
+          target.pyramid.Sigma(keypoint.octave)};
+}
+
+// Two map points believed the same, from all pairs of keyframes of the two windows.
+struct PooledMatch {
+  MapPointId point_a, point_b;
+  int votes = 0, distance = 256;
+  const SubmapKeyframe *keyframe_a = nullptr, *keyframe_b = nullptr;  // of the nearest descriptors
+  int feature_a = -1, feature_b = -1;
+};
+
+std::vector<PooledMatch> MatchWindows(const SubmapView& a, const Window& window_a, const SubmapView& b,
+                                      const Window& window_b, const ConnectedFramesOptions& options) {
+  const MatchOptions match_options{options.max_distance, options.ratio, true, true};
+  std::vector<std::vector<int>> masks_a, masks_b;
+  for (const SubmapKeyframe* k : window_a) masks_a.push_back(MappedFeatures(*a.submap, *k));
+  for (const SubmapKeyframe* k : window_b) masks_b.push_back(MappedFeatures(*b.submap, *k));
+  std::map<std::pair<MapPointId, MapPointId>, PooledMatch> pooled;
+  for (size_t i = 0; i < window_a.size(); ++i) {
+    for (size_t j = 0; j < window_b.size(); ++j) {
+      if (masks_a[i].empty() || masks_b[j].empty()) continue;
+      const SubmapKeyframe &ka = *window_a[i], &kb = *window_b[j];
+      for (const Match& m :
+           MatchByNodes(ka.features, ka.nodes, kb.features, kb.nodes, match_options, masks_a[i], masks_b[j])) {
+        const auto key = std::pair(ka.map_points[m.a], kb.map_points[m.b]);
+        if (a.submap == b.submap && key.first == key.second) continue;
+        PooledMatch& match = pooled[key];
+        ++match.votes;
+        if (m.distance < match.distance) {
+          match = {key.first, key.second, match.votes, m.distance, &ka, &kb, m.a, m.b};
+        }
+      }
+    }
+  }
+  // One to one: most votes first, then the nearest descriptors; the map's order breaks ties.
+  std::vector<PooledMatch> matches;
+  for (const auto& [key, match] : pooled) matches.push_back(match);
+  std::stable_sort(matches.begin(), matches.end(), [](const PooledMatch& l, const PooledMatch& r) {
+    return std::pair(-l.votes, l.distance) < std::pair(-r.votes, r.distance);
+  });
+  std::set<MapPointId> used_a, used_b;
+  std::erase_if(matches, [&](const PooledMatch& m) {
+    if (used_a.contains(m.point_a) || used_b.contains(m.point_b)) return true;
+    used_a.insert(m.point_a);
+    used_b.insert(m.point_b);
+    return false;
+  });
+  return matches;
+}
+
+// Everything a window knows of its map points: each point as the earliest keyframe of the window sees it.
+struct WindowAppearance {
+  std::vector<PointAppearance> points;
+  std::vector<Eigen::Quaterniond> rotations;
+};
+
+WindowAppearance Describe(const SubmapView& view, const Window& window) {
+  WindowAppearance result;
+  std::set<MapPointId> seen;
+  for (size_t i = 0; i < window.size(); ++i) {
+    result.rotations.push_back(window[i]->cam_from_submap.rotation);
+    std::vector<PointAppearance> all;
+    AppendAppearances(view, *window[i], static_cast<int>(i), &all);
+    for (PointAppearance& p : all) {
+      if (seen.insert(p.id).second) result.points.push_back(p);
+    }
+  }
+  return result;
+}
+
+struct GuidedMatches {
+  std::vector<CrossMatch> matches;
+  int num_visible = 0, num_found = 0;  // in the first keyframe of the window
+};
+
+// Points of the source looked for in the keyframes of the target window.
+GuidedMatches SearchWindow(const WindowAppearance& source, const Similarity3& target_from_source,
+                           const SubmapView& target, const Window& window, const std::vector<FeatureGrid>& grids,
+                           double radius, bool same_submap, const ConnectedFramesOptions& options) {
+  ProjectionSearchOptions search;
+  search.radius = radius;
+  search.max_distance = options.guided_max_distance;
+  search.ratio = options.guided_ratio;
+  search.octave_tolerance = options.octave_tolerance;
+  search.max_turn = options.max_turn_deg * M_PI / 180;
+  GuidedMatches result;
+  for (size_t j = 0; j < window.size(); ++j) {
+    const SubmapKeyframe& keyframe = *window[j];
+    const Similarity3 cam_from_source = Similarity3(keyframe.cam_from_submap) * target_from_source;
+    const ProjectionMatches found = FindByProjection(source.points, source.rotations, cam_from_source, target.camera,
+                                                     target.pyramid, keyframe.features, grids[j], search);
+    for (const ProjectionMatch& m : found.matches) {
+      const MapPointId point = source.points[m.appearance].id;
+      if (same_submap && keyframe.map_points[m.feature] == point) continue;
+      result.matches.push_back({point, keyframe.id, m.feature});
+      if (j == 0) ++result.num_found;
+    }
+    if (j == 0) result.num_visible = found.num_visible;
+  }
+  return result;
+}
+
+// Number of cells of an 8 x 6 grid that hold a feature of one of the matches in this keyframe.
+int CountCells(const std::vector<CrossMatch>& matches, const SubmapKeyframe& keyframe, const Pinhole& camera) {
+  std::set<int> cells;
+  for (const CrossMatch& m : matches) {
+    if (m.keyframe != keyframe.id) continue;
+    const Eigen::Vector2f& pixel = keyframe.features.keypoints[m.feature].pixel;
+    const int column = std::clamp(static_cast<int>(8 * pixel.x() / static_cast<float>(camera.width)), 0, 7);
+    const int row = std::clamp(static_cast<int>(6 * pixel.y() / static_cast<float>(camera.height)), 0, 5);
+    cells.insert(8 * row + column);
+  }
+  return static_cast<int>(cells.size());
+}
+
+template <typename T>
+std::vector<T> Select(const std::vector<T>& all, const std::vector<char>& keep) {
+  std::vector<T> kept;
+  for (size_t i = 0; i < all.size(); ++i) {
+    if (keep[i]) kept.push_back(all[i]);
+  }
+  return kept;
+}
+
+// Pairs of map points that the inliers identify, each point in at most one pair.
+std::vector<std::pair<MapPointId, MapPointId>> CommonPoints(const ConnectedFrames& c, const Submap& a, const Submap& b) {
+  std::map<std::pair<MapPointId, MapPointId>, int> votes;
+  for (const CrossMatch& m : c.a_in_b) {
+    const MapPointId other = b.keyframes.at(m.keyframe).map_points[m.feature];
+    if (other.IsValid() && b.points.contains(other)) ++votes[{m.point, other}];
+  }
+  for (const CrossMatch& m : c.b_in_a) {
+    const MapPointId other = a.keyframes.at(m.keyframe).map_points[m.feature];
+    if (other.IsValid() && a.points.contains(other)) ++votes[{other, m.point}];
+  }
+  std::vector<std::pair<std::pair<MapPointId, MapPointId>, int>> ordered(votes.begin(), votes.end());
+  std::stable_sort(ordered.begin(), ordered.end(), [](const auto& l, const auto& r) { return l.second > r.second; });
+  std::set<MapPointId> used_a, used_b;
+  std::vector<std::pair<MapPointId, MapPointId>> common;
+  for (const auto& [pair, count] : ordered) {
+    if (used_a.contains(pair.first) || used_b.contains(pair.second)) continue;
+    used_a.insert(pair.first);
+    used_b.insert(pair.second);
+    common.push_back(pair);
+  }
+  std::sort(common.begin(), common.end());
+  return common;
+}
+
+}  // namespace
+
+std::string ConnectedFramesOptions::Check() const {
+  if (window_size < 1) return "window_size must be positive";
+  if (min_matches < 3) return "min_matches must be 3 or more";
+  if (!(search_radius > 0)) return "search_radius must be positive";
+  if (!(max_scale >= 1)) return "max_scale must be 1 or more";
+  if (const std::string error = ransac.Check(); !error.empty()) return "ransac: " + error;
+  if (const std::string error = refinement.Check(); !error.empty()) return "refinement: " + error;
+  return "";
+}
+
+double MedianIntersectionAngle(const Eigen::Vector3d& center_a, const Eigen::Vector3d& center_b,
+                               const std::vector<Eigen::Vector3d>& points) {
+  if (points.empty()) return 0;
+  std::vector<double> angles;
+  for (const Eigen::Vector3d& x : points) {
+    const Eigen::Vector3d u = center_a - x, v = center_b - x;
+    angles.push_back(std::atan2(u.cross(v).norm(), u.dot(v)));
+  }
+  const auto middle = angles.begin() + static_cast<long>(angles.size() / 2);
+  std::nth_element(angles.begin(), middle, angles.end());
+  return *middle;
+}
+
+CrossObservations ResolveMatches(const SubmapView& a, const SubmapView& b, const std::vector<CrossMatch>& a_in_b,
+                                 const std::vector<CrossMatch>& b_in_a) {
+  CrossObservations observations;
+  const auto resolve = [](const SubmapView& owner, const SubmapView& target, const std::vector<CrossMatch>& matches,
+                          std::vector<CrossObservation>* out) {
+    for (const CrossMatch& m : matches) {
+      const auto point = owner.submap->points.find(m.point);
+      const auto keyframe = target.submap->keyframes.find(m.keyframe);
+      if (point == owner.submap->points.end() || keyframe == target.submap->keyframes.end()) continue;
+      out->push_back(MakeObservation(point->second.position, target, keyframe->second, m.feature));
+    }
+  };
+  resolve(a, b, a_in_b, &observations.a_in_b);
+  resolve(b, a, b_in_a, &observations.b_in_a);
+  return observations;
+}
+
+ConnectedFrames VerifyConnectedFrames(const SubmapView& a, KeyframeId keyframe_a, const SubmapView& b,
+                                      KeyframeId keyframe_b, const ConnectedFramesOptions& options) {
+  ConnectedFrames result;
+  result.keyframe_a = keyframe_a;
+  result.keyframe_b = keyframe_b;
+  const bool same_submap = a.submap == b.submap;
+  Window window_a = LocalWindow(*a.submap, keyframe_a, options.window_size);
+  Window window_b = LocalWindow(*b.submap, keyframe_b, options.window_size);
+  if (same_submap) {
+    // A keyframe in both windows would vouch for itself.
+    std::set<KeyframeId> in_a;
+    for (const SubmapKeyframe* k : window_a) in_a.insert(k->id);
+    if (in_a.contains(keyframe_b)) {
+      result.reason = "the two keyframes are neighbours already";
+      return result;
+    }
+    std::erase_if(window_b, [&](const SubmapKeyframe* k) { return in_a.contains(k->id); });
+  }
+
+  const std::vector<PooledMatch> matches = MatchWindows(a, window_a, b, window_b, options);
+  result.num_matches = static_cast<int>(matches.size());
+  if (result.num_matches < options.min_matches) {
+    result.reason = Format("only %d map points look alike (%d needed)", result.num_matches, options.min_matches);
+    return result;
+  }
+
+  std::vector<PointMatch> point_matches;
+  for (const PooledMatch& m : matches) {
+    point_matches.push_back(
+        {MakeObservation(a.submap->points.at(m.point_a).position, b, *m.keyframe_b, m.feature_b),
+         MakeObservation(b.submap->points.at(m.point_b).position, a, *m.keyframe_a, m.feature_a)});
+  }
+  const Sim3RansacResult ransac = EstimateSim3(point_matches, options.ransac);
+  result.num_ransac_inliers = ransac.num_inliers;
+  if (!ransac.success) {
+    result.reason = Format("%d map points look alike, but only %d agree on one transform (%d needed)",
+                           result.num_matches, ransac.num_inliers, options.ransac.min_inliers);
+    return result;
+  }
+
+  // Guided matching with the transform, refinement on what it finds, twice: the second search is narrower and better aimed.
+  const WindowAppearance appearance_a = Describe(a, window_a), appearance_b = Describe(b, window_b);
+  const auto make_grids = [](const SubmapView& view, const Window& window) {
+    std::vector<FeatureGrid> grids;
+    for (const SubmapKeyframe* k : window) {
+      grids.emplace_back(k->features.keypoints, view.camera.width, view.camera.height);
+    }
+    return grids;
+  };
+  const std::vector<FeatureGrid> grids_a = make_grids(a, window_a), grids_b = make_grids(b, window_b);
+  Similarity3 b_from_a = ransac.b_from_a;
+  {
+    CrossObservations seeds;
+    for (size_t i = 0; i < point_matches.size(); ++i) {
+      if (!ransac.is_inlier[i]) continue;
+      seeds.a_in_b.push_back(point_matches[i].a_in_b);
+      seeds.b_in_a.push_back(point_matches[i].b_in_a);
+    }
+    const Sim3RefinementResult refined = RefineSim3(seeds, b_from_a, options.refinement);
+    if (refined.success) b_from_a = refined.b_from_a;
+  }
+  Sim3RefinementResult refined;
+  int num_visible = 0, num_found = 0;
+  for (const double factor : {1.0, 0.5}) {
+    const double radius = factor * options.search_radius;
+    const GuidedMatches in_b =
+        SearchWindow(appearance_a, b_from_a, b, window_b, grids_b, radius, same_submap, options);
+    const GuidedMatches in_a =
+        SearchWindow(appearance_b, b_from_a.Inverse(), a, window_a, grids_a, radius, same_submap, options);
+    const CrossObservations observations = ResolveMatches(a, b, in_b.matches, in_a.matches);
+    refined = RefineSim3(observations, b_from_a, options.refinement);
+    result.num_inliers = refined.num_inliers;
+    if (!refined.success || refined.num_inliers < options.min_inliers) {
+      result.reason =
+          Format("%d of %d map points agree on a transform, but projecting the rest finds only %d (%d needed)",
+                 ransac.num_inliers, result.num_matches, refined.num_inliers, options.min_inliers);
+      return result;
+    }
+    b_from_a = refined.b_from_a;
+    result.a_in_b = Select(in_b.matches, refined.inlier_a_in_b);
+    result.b_in_a = Select(in_a.matches, refined.inlier_b_in_a);
+    num_visible = in_a.num_visible + in_b.num_visible;
+    num_found = 0;
+    for (const CrossMatch& m : result.a_in_b) num_found += m.keyframe == keyframe_b;
+    for (const CrossMatch& m : result.b_in_a) num_found += m.keyframe == keyframe_a;
+  }
+  result.b_from_a = b_from_a;
+  result.information = refined.information;
+  result.median_error_px = refined.median_error_px;
+  result.match_rate = num_visible > 0 ? static_cast<double>(num_found) / num_visible : 0;
+  result.common_points = CommonPoints(result, *a.submap, *b.submap);
+  const SubmapKeyframe &frame_a = *window_a[0], &frame_b = *window_b[0];
+  std::vector<Eigen::Vector3d> common_in_b;
+  for (const auto& [point_a, point_b] : result.common_points) common_in_b.push_back(b.submap->points.at(point_b).position);
+  result.median_angle_rad =
+      MedianIntersectionAngle(b_from_a * frame_a.cam_from_submap.Center(), frame_b.cam_from_submap.Center(), common_in_b);
+
+  const int each_way = static_cast<int>(std::min(result.a_in_b.size(), result.b_in_a.size()));
+  const int cells = std::min(CountCells(result.b_in_a, frame_a, a.camera), CountCells(result.a_in_b, frame_b, b.camera));
+  const double scale = std::max(b_from_a.scale, 1 / b_from_a.scale);
+  if (each_way < options.min_inliers_each_way) {
+    result.reason = Format("%d inliers, but only %d in one of the two directions (%d needed)", result.num_inliers,
+                           each_way, options.min_inliers_each_way);
+  } else if (static_cast<int>(result.common_points.size()) < options.min_common_points) {
+    result.reason = Format("%d inliers, but only %zu map points in common (%d needed)", result.num_inliers,
+                           result.common_points.size(), options.min_common_points);
+  } else if (cells < options.min_cells) {
+    result.reason = Format("the %d inliers cover only %d of 48 image cells (%d needed)", result.num_inliers, cells,
+                           options.min_cells);
+  } else if (result.match_rate < options.min_match_rate) {
+    result.reason = Format("only %.0f %% of the %d map points that should be seen are found (%.0f %% needed)",
+                           100 * result.match_rate, num_visible, 100 * options.min_match_rate);
+  } else if (result.median_error_px > options.max_median_error) {
+    result.reason = Format("median reprojection error %.1f px (at most %.1f)", result.median_error_px,
+                           options.max_median_error);
+  } else if (scale > options.max_scale) {
+    result.reason = Format("the submaps' scales would differ by a factor of %.1f (at most %.1f)", scale, options.max_scale);
+  } else {
+    result.success = true;
+    result.reason = Format("%d reprojections agree (median %.2f px, %.0f %% of those expected), %zu common points, %d cells",
+                           result.num_inliers, result.median_error_px, 100 * result.match_rate,
+                           result.common_points.size(), cells);
+  }
+  return result;
+}
+
+}  // namespace mapmend

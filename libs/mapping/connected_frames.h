@@ -1,0 +1,80 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "libs/geometry/sim3_ransac.h"
+#include "libs/geometry/sim3_refinement.h"
+#include "libs/mapping/local_window.h"
+
+// Connected frames (paper §3.3): two keyframes of different submaps, or of far-apart parts of one, that see the same ground.
+// Retrieval proposes a pair; here geometry decides.
+namespace mapmend {
+
+// A map point of one side is feature `feature` of keyframe `keyframe` of the other side.
+struct CrossMatch {
+  MapPointId point;
+  KeyframeId keyframe;
+  int feature = -1;
+  auto operator<=>(const CrossMatch&) const = default;
+};
+
+struct ConnectedFramesOptions {
+  // Keyframes around each of the two that lend their map points and features, so that a small overlap suffices.
+  int window_size = 6;
+  // Descriptor matching between map points, guided by vocabulary nodes.
+  int max_distance = 64;       // bits
+  double ratio = 0.85;         // best against second best
+  int min_matches = 12;        // below it no Sim(3) is tried
+  Sim3RansacOptions ransac;
+  // Guided matching with the transform found, both ways.
+  double search_radius = 12;   // pixels at octave 0 in the first round, half of it in the second
+  int guided_max_distance = 64;
+  double guided_ratio = 0.9;
+  int octave_tolerance = 2;    // levels about the predicted one
+  double max_turn_deg = 30;    // keypoint orientation against the predicted one
+  Sim3RefinementOptions refinement;
+  // Acceptance.
+  int min_inliers = 30;        // reprojections within 99 %, both ways together
+  int min_inliers_each_way = 8;
+  int min_common_points = 10;  // inliers whose feature observes a map point of its own submap
+  double min_match_rate = 0.10;  // inliers among the map points that the transform predicts to be seen in the other keyframe
+  int min_cells = 5;           // of an 8 x 6 grid, occupied by inliers, in each of the two images
+  double max_median_error = 3; // pixels
+  double max_scale = 8;        // of the transform, either way
+
+  std::string Check() const;
+};
+
+struct ConnectedFrames {
+  bool success = false;
+  std::string reason;          // one sentence with numbers, for a person
+  KeyframeId keyframe_a, keyframe_b;
+  Similarity3 b_from_a;        // between the submap frames
+  Matrix7d information = Matrix7d::Zero();
+  int num_matches = 0;         // of descriptors
+  int num_ransac_inliers = 0;
+  int num_inliers = 0;         // reprojections both ways
+  double match_rate = 0;
+  double median_error_px = 0;
+  double median_angle_rad = 0; // between the rays of the two keyframes to the common points
+  std::vector<CrossMatch> a_in_b, b_in_a;                       // inliers
+  std::vector<std::pair<MapPointId, MapPointId>> common_points;  // (a's, b's), ascending, each point at most once
+};
+
+// Verifies one proposed pair. a and b may view the same submap (loop closure): then points in common beforehand do not count.
+// Deterministic for equal input and options.ransac.seed.
+ConnectedFrames VerifyConnectedFrames(const SubmapView& a, KeyframeId keyframe_a, const SubmapView& b,
+                                      KeyframeId keyframe_b, const ConnectedFramesOptions& options);
+
+// Matches as geometry, from the submaps as they are now; those whose point or keyframe was culled meanwhile are left out.
+CrossObservations ResolveMatches(const SubmapView& a, const SubmapView& b, const std::vector<CrossMatch>& a_in_b,
+                                 const std::vector<CrossMatch>& b_in_a);
+
+// Median angle (radians) at common points between the rays from two camera centres, all in the frame of b.
+double MedianIntersectionAngle(const Eigen::Vector3d& center_a, const Eigen::Vector3d& center_b,
+                               const std::vector<Eigen::Vector3d>& points);
+
+}  // namespace mapmend

@@ -1,0 +1,94 @@
+#include "libs/mapping/guided_projection.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mapmend {
+namespace {
+
+// In-plane turn of an image when its camera is rotated by r (target_from_source): exact about the optical axis, and the
+// closest such rotation otherwise.
+double InPlaneTurn(const Eigen::Matrix3d& r) { return std::atan2(r(1, 0) - r(0, 1), r(0, 0) + r(1, 1)); }
+
+double WrapAngle(double angle) { return angle - 2 * M_PI * std::floor((angle + M_PI) / (2 * M_PI)); }
+
+}  // namespace
+
+void AppendAppearances(const SubmapView& view, const SubmapKeyframe& keyframe, int source,
+                       std::vector<PointAppearance>* appearances) {
+  for (int i = 0; i < keyframe.features.Size(); ++i) {
+    const MapPointId id = keyframe.map_points[i];
+    const auto point = id.IsValid() ? view.submap->points.find(id) : view.submap->points.end();
+    if (point == view.submap->points.end()) continue;
+    const double depth = (keyframe.cam_from_submap * point->second.position).z();
+    if (!(depth > 0)) continue;
+    const Keypoint& keypoint = keyframe.features.keypoints[i];
+    appearances->push_back({id, point->second.position, keyframe.features.descriptors[i], keypoint.octave,
+                            keypoint.angle, view.pyramid.Scale(keypoint.octave) * depth / view.camera.fx, source});
+  }
+}
+
+ProjectionMatches FindByProjection(const std::vector<PointAppearance>& appearances,
+                                   const std::vector<Eigen::Quaterniond>& source_rotations,
+                                   const Similarity3& cam_from_owner, const Pinhole& camera, const Pyramid& pyramid,
+                                   const Features& features, const FeatureGrid& grid,
+                                   const ProjectionSearchOptions& options) {
+  ProjectionMatches result;
+  std::vector<double> turns;
+  for (const Eigen::Quaterniond& rotation : source_rotations) {
+    turns.push_back(InPlaneTurn((cam_from_owner.rotation * rotation.conjugate()).toRotationMatrix()));
+  }
+  std::vector<double> scales;
+  for (int o = 0; o < pyramid.num_levels; ++o) scales.push_back(pyramid.Scale(o));
+  const double log_factor = std::log(pyramid.scale_factor);
+  std::vector<ProjectionMatch> best_of_feature(features.Size());
+
+  for (size_t k = 0; k < appearances.size(); ++k) {
+    const PointAppearance& appearance = appearances[k];
+    const Eigen::Vector3d x = cam_from_owner * appearance.position;
+    if (!(x.z() > 0)) continue;
+    const Eigen::Vector2d predicted = camera.Project(x);
+    if (predicted.x() < -options.border || predicted.y() < -options.border ||
+        predicted.x() >= camera.width + options.border || predicted.y() >= camera.height + options.border) {
+      continue;
+    }
+    const double size_px = appearance.size * cam_from_owner.scale * camera.fx / x.z();
+    const int octave = static_cast<int>(std::lround(std::log(size_px) / log_factor));
+    if (octave < -options.octave_tolerance || octave >= pyramid.num_levels + options.octave_tolerance) continue;
+    ++result.num_visible;
+    const int clamped = std::clamp(octave, 0, pyramid.num_levels - 1);
+    const double radius = options.radius * scales[clamped];
+    const double turn = turns[appearance.source];
+
+    ProjectionMatch best{static_cast<int>(k), -1, 256};
+    int second = 256;
+    grid.VisitNear(predicted.cast<float>(), static_cast<float>(radius), [&](int i) {
+      const Keypoint& keypoint = features.keypoints[i];
+      if (std::abs(keypoint.octave - octave) > options.octave_tolerance) return;
+      if ((keypoint.pixel.cast<double>() - predicted).squaredNorm() > radius * radius) return;
+      if (std::abs(WrapAngle(keypoint.angle - appearance.angle - turn)) > options.max_turn) return;
+      const int distance = HammingDistance(features.descriptors[i], appearance.descriptor);
+      if (distance < best.distance) {
+        // The same corner is often found on neighbouring octaves: that is no rival.
+        const bool same_corner =
+            best.feature >= 0 &&
+            (features.keypoints[best.feature].pixel - keypoint.pixel).squaredNorm() < 2.0 * scales[clamped];
+        if (!same_corner) second = best.distance;
+        best.feature = i;
+        best.distance = distance;
+      } else if (distance < second &&
+                 (features.keypoints[best.feature].pixel - keypoint.pixel).squaredNorm() >= 2.0 * scales[clamped]) {
+        second = distance;
+      }
+    });
+    if (best.feature < 0 || best.distance > options.max_distance || best.distance > options.ratio * second) continue;
+    ProjectionMatch& holder = best_of_feature[best.feature];
+    if (best.distance < holder.distance) holder = best;
+  }
+  for (const ProjectionMatch& match : best_of_feature) {
+    if (match.feature >= 0) result.matches.push_back(match);
+  }
+  return result;
+}
+
+}  // namespace mapmend
