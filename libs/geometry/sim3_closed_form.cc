@@ -5,7 +5,7 @@
 
 namespace mapmend {
 
-std::optional<Similarity3> AlignPoints(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b) {
+std::optional<Similarity3> HornAlignment(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b) {
   const size_t n = a.size();
   if (n < 3 || b.size() != n) return std::nullopt;
   Eigen::Vector3d mean_a = Eigen::Vector3d::Zero(), mean_b = Eigen::Vector3d::Zero();

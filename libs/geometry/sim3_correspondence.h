@@ -11,7 +11,7 @@ namespace mapmend {
 
 // A map point of one submap seen in a keyframe of another.
 struct CrossObservation {
-  Eigen::Vector3d point;       // frame of the submap that owns the point
+  Eigen::Vector3d point = Eigen::Vector3d::Zero();  // frame of the submap that owns the point
   Rigid3 cam_from_target;      // keyframe of the other ("target") submap
   Pinhole camera;              // of that keyframe
   Eigen::Vector2d pixel;       // where it is seen there

@@ -37,7 +37,7 @@ std::optional<Similarity3> Fit(const std::vector<PointMatch>& matches, const std
     a.push_back(matches[i].a_in_b.point);
     b.push_back(matches[i].b_in_a.point);
   }
-  return AlignPoints(a, b);
+  return HornAlignment(a, b);
 }
 
 // Three different indices below n. Plain modulo: std::uniform_int_distribution differs between libraries.
@@ -88,7 +88,7 @@ Sim3RansacResult EstimateSim3(const std::vector<PointMatch>& matches, const Sim3
       a.push_back(matches[i].a_in_b.point);
       b.push_back(matches[i].b_in_a.point);
     }
-    std::optional<Similarity3> model = AlignPoints(a, b);
+    std::optional<Similarity3> model = HornAlignment(a, b);
     if (!plausible(model)) continue;
     Support support = Evaluate(matches, *model, options.max_squared_error);
     if (support.num_inliers < 3 || support.cost >= best.cost) continue;

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "libs/features/matching.h"
+#include "libs/geometry/similarity3.h"
 #include "libs/mapping/local_window.h"
 
 namespace mapmend {

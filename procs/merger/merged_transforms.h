@@ -1,0 +1,26 @@
+#pragma once
+
+#include <vector>
+
+#include "libs/geometry/similarity3.h"
+
+namespace mapmend {
+
+// An edge of the tree with its transform.
+struct TreeEdge {
+  int a = -1, b = -1;
+  Similarity3 b_from_a;
+};
+
+struct MergedPlace {
+  int root = -1;                 // vertex; itself for a root
+  int parent = -1;               // next vertex towards the root
+  int depth = 0;                 // edges to the root
+  Similarity3 root_from_vertex;
+};
+
+// Places every vertex in the frame of its component's root by composing transforms along a forest. The root of a component is
+// its lowest vertex: vertices are numbered oldest first, so transforms published before stay put when a submap joins.
+std::vector<MergedPlace> ComposeAlongForest(int num_vertices, const std::vector<TreeEdge>& forest);
+
+}  // namespace mapmend
