@@ -23,6 +23,15 @@ struct DecodedRecord {
   std::optional<Record> record;
   std::string error;  // one line, if there is no record
 };
+// Never throws for bad bytes.
 DecodedRecord DecodeRecord(const std::string& channel, const uint8_t* data, int size);
+
+
+// Session names: 1 to 64 letters, digits, - or _ (UUIDs fit).
+bool IsSessionId(const std::string& text);
+// MAPMEND_SESSION, MAPMEND_SUBMAP, MAPMEND_KEYFRAME and MAPMEND_MAP_UPDATE.
+bool IsRecordChannel(const std::string& channel);
+inline constexpr const char* kRecordChannels[] = {"MAPMEND_SESSION", "MAPMEND_SUBMAP", "MAPMEND_KEYFRAME",
+                                                  "MAPMEND_MAP_UPDATE"};
 
 }  // namespace mapmend

@@ -13,6 +13,8 @@ struct ProcessOptions {
   std::string log_level = "info";
 };
 void AddProcessOptions(CLI::App* app, ProcessOptions* options);
+// Sends the log to stderr, from the given level on. Call after parsing.
+void ApplyLogLevel(const ProcessOptions& options);
 
 // SIGINT and SIGTERM set a flag instead of killing the process; SIGPIPE is ignored. If the parent is mapmend's launcher (the
 // environment variable MAPMEND_PARENT is set), the process also asks the kernel for SIGTERM when its parent dies.

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+namespace mapmend {
+
+struct HubOptions {
+  std::string bind = "127.0.0.1";        // address to listen on; "0.0.0.0" admits other hosts
+  int port = 7700;                       // 0: any free port
+  int64_t max_message_bytes = 64 << 20;  // a client that sends more is disconnected
+  // Per client: what waits to be sent to it. Best-effort channels drop their oldest beyond the first; on all others a
+  // publisher has to wait while some subscriber has more than the second waiting.
+  int64_t best_effort_queue_bytes = 8 << 20;
+  int64_t reliable_queue_bytes = 16 << 20;
+  // A subscriber that does not read for as long while publishers wait for it misses messages until it reads again.
+  int backpressure_timeout_ms = 3000;
+
+  // Empty, or one line that says what is wrong.
+  std::string Check() const;
+};
+
+// The exchange of all messages over TCP: a drop-in for LCM's Java TCPService, speaking the protocol of liblcm's tcpq
+// provider (docs/protocol.md). One thread, epoll. Every message goes to each client with a matching subscription, in the order
+// in which it came. A stopped subscriber cannot stop the others: see HubOptions.
+class Hub {
+ public:
+  // Binds and listens. Throws std::runtime_error with one line, e.g. if the port is in use.
+  explicit Hub(const HubOptions& options);
+  ~Hub();
+  Hub(const Hub&) = delete;
+  Hub& operator=(const Hub&) = delete;
+
+  int Port() const;
+  // Serves what is due, waiting up to timeout_ms for it. Call in a loop.
+  void Spin(int timeout_ms);
+
+  struct Statistics {
+    int num_clients = 0;
+    int64_t num_messages = 0;          // received from publishers
+    int64_t num_dropped = 0;           // best-effort messages that were replaced by newer ones
+    int64_t num_dropped_reliable = 0;  // messages that a stalled subscriber missed
+    int64_t num_refused_clients = 0;   // disconnected because they did not speak the protocol
+    int64_t queued_bytes = 0;
+  };
+  Statistics GetStatistics() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// Channels whose messages may be dropped when a client is slow: live poses, images, health, and those that are repeated anyway.
+// A prefix before the name does not matter.
+bool IsBestEffortChannel(const std::string& channel);
+
+}  // namespace mapmend
