@@ -25,7 +25,9 @@ using Clock = std::chrono::steady_clock;
 
 constexpr int kUdpReceiveBuffer = 4194304;  // bytes; messages above 100 KB are lost with less (docs/protocol.md)
 constexpr int kSocketTimeoutS = 10;         // longer than the hub's back-pressure time-out
-constexpr auto kReconnectInterval = std::chrono::milliseconds(100);
+// Between attempts to connect: quick at first, so that a restarted hub is found at once, then slower.
+constexpr auto kFirstReconnectInterval = std::chrono::milliseconds(100), kReconnectInterval = std::chrono::milliseconds(500);
+constexpr int kNumFirstReconnects = 20;
 constexpr int kMaxMessagesPerHandle = 512;  // so that heartbeats go on under load
 
 // Bounds how long a hung hub can hold us, and keeps small messages from waiting for each other's acknowledgement.
@@ -93,7 +95,23 @@ struct Bus::Impl {
   LcmPtr receiver, publisher;  // publisher is null if the receiver publishes too
   std::vector<std::unique_ptr<Subscriber>> subscribers;
   std::mutex publish_mutex;
-  Clock::time_point next_publisher_connect, next_receiver_connect;
+  // When to connect again, and how often it failed in a row.
+  struct Reconnection {
+    Clock::time_point next;
+    int num_failed = 0;
+
+    bool IsDue() {
+      const auto now = Clock::now();
+      if (now < next) return false;
+      next = now + (num_failed < kNumFirstReconnects ? kFirstReconnectInterval : kReconnectInterval);
+      return true;
+    }
+    void Tell(int fd) {
+      num_failed = fd >= 0 ? 0 : num_failed + 1;
+      if (fd >= 0) ConfigureSocket(fd);
+    }
+  };
+  Reconnection publisher_reconnection, receiver_reconnection;
   std::atomic<bool> connected{false};
   std::atomic<int64_t> num_refused{0};
 
@@ -111,13 +129,10 @@ struct Bus::Impl {
 
   // liblcm reconnects and subscribes again only when it publishes.
   void ReconnectReceiver() {
-    const auto now = Clock::now();
-    if (now < next_receiver_connect) return;
-    next_receiver_connect = now + kReconnectInterval;
+    if (!receiver_reconnection.IsDue()) return;
     const uint8_t ping = 0;
     lcm_publish(receiver.get(), (prefix + "MAPMEND_PING").c_str(), &ping, 1);
-    const int fd = lcm_get_fileno(receiver.get());
-    if (fd >= 0) ConfigureSocket(fd);
+    receiver_reconnection.Tell(lcm_get_fileno(receiver.get()));
   }
 };
 
@@ -162,16 +177,9 @@ bool Bus::PublishRaw(const std::string& channel, const uint8_t* data, int size) 
   const std::string name = impl_->prefix + channel;
   if (!impl_->is_tcp) return lcm_publish(lcm, name.c_str(), data, static_cast<unsigned>(size)) == 0;
   const bool was_connected = lcm_get_fileno(lcm) >= 0;
-  if (!was_connected) {
-    const auto now = Clock::now();
-    if (now < impl_->next_publisher_connect) return false;
-    impl_->next_publisher_connect = now + kReconnectInterval;
-  }
+  if (!was_connected && !impl_->publisher_reconnection.IsDue()) return false;
   const bool sent = lcm_publish(lcm, name.c_str(), data, static_cast<unsigned>(size)) == 0;
-  if (!was_connected) {
-    const int fd = lcm_get_fileno(lcm);
-    if (fd >= 0) ConfigureSocket(fd);
-  }
+  if (!was_connected) impl_->publisher_reconnection.Tell(lcm_get_fileno(lcm));
   return sent;
 }
 

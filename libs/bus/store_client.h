@@ -14,6 +14,7 @@ class fetch_t;
 class fetched_t;
 class revision_t;
 class revision_part_t;
+class session_closed_t;
 
 // Requests to the store by id, with time-out and retry. Synchronous: each call runs the bus's Handle until the reply is there
 // (so other handlers of the bus run meanwhile and must not call back into the client).
@@ -27,6 +28,12 @@ class StoreClient {
   std::optional<fetched_t> Fetch(fetch_t request, int timeout_ms = 10000);
   // Sends a revision and its parts until each is acknowledged. False if not in time.
   bool StoreRevision(const revision_t& revision, const std::vector<revision_part_t>& parts, int timeout_ms = 30000);
+  // Reads a stored revision: the message itself and all its parts. revision -1: the newest whose parts are all stored.
+  enum class RevisionStatus { kOk, kNone, kNoAnswer };
+  RevisionStatus FetchRevision(int64_t number, revision_t* revision, std::vector<revision_part_t>* parts,
+                               int timeout_ms = 10000);
+  // Ends a session whose frontend died (close_session_t.lcm). nullopt: no answer in time.
+  std::optional<session_closed_t> CloseSession(const std::string& session, int timeout_ms = 10000);
 
  private:
   struct Impl;

@@ -11,6 +11,7 @@ namespace mapmend {
 
 void AddEvalCommand(CLI::App* app);
 void AddForwardCommands(CLI::App* app);
+void AddHubCommand(CLI::App* app);
 
 // One `mapmend NAME ARGUMENTS...` that is another program, or a subcommand of one: executes it with the arguments as they are.
 struct ForwardCommand {

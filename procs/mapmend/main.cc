@@ -12,6 +12,7 @@ int main(int argc, char** argv) {
   app.footer("`mapmend COMMAND --help` tells more.");
   mapmend::AddEvalCommand(&app);
   mapmend::AddForwardCommands(&app);
+  mapmend::AddHubCommand(&app);
   try {
     app.parse(argc, argv);
     return 0;

@@ -1,0 +1,214 @@
+#include "libs/bus/outbox.h"
+
+#include <fcntl.h>
+#include <spdlog/spdlog.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <stdexcept>
+
+namespace mapmend {
+namespace {
+
+// Little-endian: magic "MMOB", CRC-32 of all that follows, size of all that follows, seq, length of session, session,
+// length of channel, channel, payload.
+constexpr uint32_t kMagic = 0x424f4d4d;
+constexpr size_t kHeader = 12;
+constexpr uint32_t kMaxEntry = 256u << 20;
+constexpr int64_t kCompactBytes = 64 << 20;  // of acknowledged entries at the beginning of the file
+
+uint32_t Crc32(const uint8_t* data, size_t size) {
+  static const auto table = [] {
+    std::array<uint32_t, 256> t{};
+    for (uint32_t i = 0; i < 256; ++i) {
+      uint32_t c = i;
+      for (int bit = 0; bit < 8; ++bit) c = (c & 1) ? 0xedb88320u ^ (c >> 1) : c >> 1;
+      t[i] = c;
+    }
+    return t;
+  }();
+  uint32_t crc = 0xffffffffu;
+  for (size_t i = 0; i < size; ++i) crc = table[(crc ^ data[i]) & 0xff] ^ (crc >> 8);
+  return crc ^ 0xffffffffu;
+}
+
+template <typename T>
+void Put(T value, std::vector<uint8_t>* bytes) {
+  const size_t at = bytes->size();
+  bytes->resize(at + sizeof(T));
+  std::memcpy(bytes->data() + at, &value, sizeof(T));
+}
+
+std::vector<uint8_t> Serialize(const EncodedRecord& record) {
+  std::vector<uint8_t> body;
+  body.reserve(record.data.size() + 128);
+  Put(record.seq, &body);
+  for (const std::string* text : {&record.session, &record.channel}) {
+    Put(static_cast<uint8_t>(text->size()), &body);
+    body.insert(body.end(), text->begin(), text->end());
+  }
+  body.insert(body.end(), record.data.begin(), record.data.end());
+  std::vector<uint8_t> entry;
+  entry.reserve(kHeader + body.size());
+  Put(kMagic, &entry);
+  Put(Crc32(body.data(), body.size()), &entry);
+  Put(static_cast<uint32_t>(body.size()), &entry);
+  entry.insert(entry.end(), body.begin(), body.end());
+  return entry;
+}
+
+std::optional<EncodedRecord> ParseBody(const std::vector<uint8_t>& body) {
+  EncodedRecord record;
+  size_t at = sizeof(record.seq);
+  if (body.size() < at) return std::nullopt;
+  std::memcpy(&record.seq, body.data(), at);
+  for (std::string* text : {&record.session, &record.channel}) {
+    if (at >= body.size() || at + 1 + body[at] > body.size()) return std::nullopt;
+    text->assign(reinterpret_cast<const char*>(&body[at + 1]), body[at]);
+    at += 1 + static_cast<size_t>(text->size());
+  }
+  record.data.assign(body.begin() + static_cast<std::ptrdiff_t>(at), body.end());
+  return record;
+}
+
+// The record of the entry at offset, if it is whole. *size: bytes of the entry; *magic_ok: whether it begins as one.
+std::optional<EncodedRecord> ReadEntry(int fd, int64_t offset, int64_t* size, bool* magic_ok) {
+  uint8_t header[kHeader];
+  *magic_ok = false;
+  if (pread(fd, header, kHeader, offset) != static_cast<ssize_t>(kHeader)) return std::nullopt;
+  uint32_t words[3];
+  std::memcpy(words, header, kHeader);
+  *magic_ok = words[0] == kMagic;
+  if (!*magic_ok || words[2] > kMaxEntry) return std::nullopt;
+  std::vector<uint8_t> body(words[2]);
+  if (pread(fd, body.data(), body.size(), offset + static_cast<int64_t>(kHeader)) != static_cast<ssize_t>(body.size())) {
+    return std::nullopt;
+  }
+  if (Crc32(body.data(), body.size()) != words[1]) return std::nullopt;
+  *size = static_cast<int64_t>(kHeader + body.size());
+  return ParseBody(body);
+}
+
+}  // namespace
+
+Outbox::Outbox(const std::string& path) : path_(path) {
+  if (path_.empty()) return;
+  fd_ = open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (fd_ < 0) throw std::runtime_error("outbox " + path_ + ": " + std::strerror(errno));
+  if (flock(fd_, LOCK_EX | LOCK_NB) != 0) {
+    close(fd_);
+    throw std::runtime_error("outbox " + path_ + ": in use by another process");
+  }
+  try {
+    Load();
+  } catch (...) {
+    close(fd_);
+    throw;
+  }
+}
+
+Outbox::~Outbox() {
+  if (fd_ >= 0) close(fd_);
+}
+
+void Outbox::Load() {
+  const int64_t file_size = lseek(fd_, 0, SEEK_END);
+  int64_t offset = 0;
+  while (offset < file_size) {
+    int64_t size = 0;
+    bool magic_ok = false;
+    const auto record = ReadEntry(fd_, offset, &size, &magic_ok);
+    if (!record) {
+      if (offset == 0 && !magic_ok && file_size >= static_cast<int64_t>(kHeader)) {
+        throw std::runtime_error("outbox " + path_ + ": not an outbox file; name another one");
+      }
+      spdlog::warn("outbox {}: {} bytes at the end are torn and cut off", path_, file_size - offset);
+      break;
+    }
+    if (!session_.empty() && record->session != session_) throw std::runtime_error("outbox " + path_ + ": holds two sessions");
+    session_ = record->session;
+    entries_.push_back({record->seq, offset, size, std::nullopt});
+    offset += size;
+  }
+  end_ = offset;
+  if (end_ < file_size && ftruncate(fd_, end_) != 0) {
+    throw std::runtime_error("outbox " + path_ + ": " + std::strerror(errno));
+  }
+}
+
+void Outbox::Append(EncodedRecord record) {
+  session_ = record.session;
+  Entry entry;
+  entry.seq = record.seq;
+  if (fd_ >= 0) {
+    const std::vector<uint8_t> bytes = Serialize(record);
+    if (pwrite(fd_, bytes.data(), bytes.size(), end_) == static_cast<ssize_t>(bytes.size())) {
+      entry.offset = end_;
+      entry.size = static_cast<int64_t>(bytes.size());
+      end_ += entry.size;
+    } else {
+      // A part may have been written. What stays in memory is delivered all the same, unless we are killed first.
+      spdlog::error("outbox {}: {}; record {} is kept in memory only", path_, std::strerror(errno), record.seq);
+      if (ftruncate(fd_, end_) != 0) spdlog::error("outbox {}: {}", path_, std::strerror(errno));
+    }
+  }
+  if (entry.offset < 0) entry.in_memory = std::move(record);
+  entries_.push_back(std::move(entry));
+}
+
+void Outbox::Acknowledge(int64_t seq) {
+  while (!entries_.empty() && entries_.front().seq <= seq) {
+    if (entries_.front().offset >= 0) begin_ = entries_.front().offset + entries_.front().size;
+    entries_.pop_front();
+  }
+  if (fd_ < 0) return;
+  if (entries_.empty()) {
+    if (end_ > 0 && ftruncate(fd_, 0) == 0) begin_ = end_ = 0;
+  } else if (begin_ >= kCompactBytes && begin_ >= end_ / 2) {
+    Compact();
+  }
+}
+
+// Moves what is held into a new file that then takes the name.
+void Outbox::Compact() {
+  const std::string temporary = path_ + ".new";
+  const int fd = open(temporary.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (fd < 0) return;
+  std::vector<uint8_t> buffer(1 << 20);
+  int64_t from = begin_, to = 0;
+  bool ok = flock(fd, LOCK_EX | LOCK_NB) == 0;
+  while (ok && from < end_) {
+    const ssize_t n = pread(fd_, buffer.data(), std::min<size_t>(buffer.size(), static_cast<size_t>(end_ - from)), from);
+    ok = n > 0 && pwrite(fd, buffer.data(), static_cast<size_t>(n), to) == n;
+    from += n;
+    to += n;
+  }
+  if (!ok || rename(temporary.c_str(), path_.c_str()) != 0) {
+    close(fd);
+    unlink(temporary.c_str());
+    return;
+  }
+  close(fd_);
+  fd_ = fd;
+  for (Entry& entry : entries_) {
+    if (entry.offset >= 0) entry.offset -= begin_;
+  }
+  end_ = to;
+  begin_ = 0;
+}
+
+std::optional<EncodedRecord> Outbox::Read(int64_t seq) const {
+  if (entries_.empty() || seq < FirstSeq() || seq > LastSeq()) return std::nullopt;
+  const Entry& entry = entries_[static_cast<size_t>(seq - FirstSeq())];
+  if (entry.seq != seq) return std::nullopt;
+  if (entry.in_memory) return entry.in_memory;
+  int64_t size = 0;
+  bool magic_ok = false;
+  return ReadEntry(fd_, entry.offset, &size, &magic_ok);
+}
+
+}  // namespace mapmend
