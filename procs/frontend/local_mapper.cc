@@ -7,6 +7,7 @@
 
 #include "libs/geometry/triangulation.h"
 #include "libs/mapping/bundle_adjustment.h"
+#include "libs/mapping/pose_optimization.h"
 
 namespace mapmend {
 namespace {
