@@ -21,6 +21,16 @@ void ApplyAll(MapModel* model, const std::vector<Record>& records) {
   for (const Record& record : records) ASSERT_EQ(model->Apply(record), "");
 }
 
+// The flight's records with one more update before the last submap ends.
+std::vector<Record> WithUpdate(const TestFlight& flight, const MapUpdate& update) {
+  std::vector<Record> records = flight.Records();
+  Record record = records[records.size() - 2];
+  record.body = update;
+  records.insert(records.end() - 2, record);
+  for (size_t i = 0; i < records.size(); ++i) records[i].header.seq = static_cast<int64_t>(i);
+  return records;
+}
+
 TEST(SnapshotTest, TreeTransformsPlaceEveryFrame) {
   const TestFlight flight;
   MapModel model = MakeModel(flight);
@@ -76,15 +86,12 @@ TEST(SnapshotTest, AFrameOfACulledKeyframeFollowsTheNearestRefinedOne) {
   TestFlightOptions options;
   options.num_submaps = 1;
   const TestFlight flight(options);
-  std::vector<Record> records = flight.Records();
   // Cull keyframe 2 (frames 8 to 11) before the submap ends.
   MapUpdate cull;
   cull.submap = SubmapId(0);
   cull.removed_keyframes = {KeyframeId(2)};
-  records.insert(records.end() - 2, {{options.session, 0, TestFlight::Utime(19)}, cull});
-  for (size_t i = 0; i < records.size(); ++i) records[i].header.seq = static_cast<int64_t>(i);
   MapModel model;
-  ApplyAll(&model, records);
+  ApplyAll(&model, WithUpdate(flight, cull));
   MergedMap merged = flight.Merged();
   RefinedSubmap refined = flight.Refinement(0);
   refined.keyframes.erase(KeyframeId(2));
@@ -109,16 +116,13 @@ TEST(SnapshotTest, AFrameOfACulledKeyframeFollowsTheNearestRefinedOne) {
 
 TEST(SnapshotTest, AFrameTrackedInTwoSubmapsCountsOnce) {
   const TestFlight flight;
-  std::vector<Record> records = flight.Records();
   // Submap 1 (keyframe 5 at frame 25) also tracked frame 19, the last of submap 0, backwards.
   MapUpdate backwards;
   backwards.submap = SubmapId(1);
   backwards.frames.push_back(
       {19, TestFlight::Utime(19), KeyframeId(5), Rigid3(Eigen::Matrix3d::Identity(), {9, 9, 9})});
-  records.insert(records.end() - 2, {{"11111111-2222-3333-4444-555555555555", 0, TestFlight::Utime(44)}, backwards});
-  for (size_t i = 0; i < records.size(); ++i) records[i].header.seq = static_cast<int64_t>(i);
   MapModel model;
-  ApplyAll(&model, records);
+  ApplyAll(&model, WithUpdate(flight, backwards));
   model.SetMergedMap(flight.Merged());
   const Snapshot snapshot = MakeSnapshot(model);
   EXPECT_EQ(snapshot.num_frames_tracked, 40);
