@@ -11,6 +11,11 @@ namespace mapmend {
 
 void AddEvalCommand(CLI::App* app);
 void AddForwardCommands(CLI::App* app);
+void AddRunCommand(CLI::App* app);
+void AddReplayCommand(CLI::App* app);
+void AddStatusCommand(CLI::App* app);
+void AddSpyCommand(CLI::App* app);
+void AddDoctorCommand(CLI::App* app);
 void AddHubCommand(CLI::App* app);
 
 // One `mapmend NAME ARGUMENTS...` that is another program, or a subcommand of one: executes it with the arguments as they are.

@@ -10,7 +10,12 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", std::string("mapmend ") + MAPMEND_VERSION);
   app.require_subcommand(1);
   app.footer("`mapmend COMMAND --help` tells more.");
+  mapmend::AddRunCommand(&app);
+  mapmend::AddReplayCommand(&app);
+  mapmend::AddStatusCommand(&app);
   mapmend::AddEvalCommand(&app);
+  mapmend::AddSpyCommand(&app);
+  mapmend::AddDoctorCommand(&app);
   mapmend::AddForwardCommands(&app);
   mapmend::AddHubCommand(&app);
   try {

@@ -21,7 +21,7 @@ std::string FindProgram(const std::string& name) {
 
 std::string FindData(const std::string& name) {
   const fs::path folder = ProgramFolder();
-  for (const fs::path& path : {folder / "../../data" / name, folder / "../share/mapmend" / name}) {
+  for (const fs::path& path : {folder / "../share/mapmend" / name, folder / "../../data" / name}) {
     std::error_code ignored;
     if (fs::exists(path, ignored)) return path.lexically_normal().string();
   }

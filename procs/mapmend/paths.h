@@ -13,7 +13,8 @@ std::filesystem::path ProgramFolder();
 // Full path of one of mapmend's programs: beside this one, else in ../libexec/mapmend. Throws std::runtime_error naming it if absent.
 std::string FindProgram(const std::string& name);
 
-// A file of the data folder, e.g. "vocabulary/mapmend.voc": ../../data/ (source tree) or ../share/mapmend/ (installed). Empty if absent.
+// A file of the data folder, e.g. "vocabulary/mapmend.voc": ../share/mapmend/ (installed, or made by
+// the build) or ../../data/ (source tree). Empty if absent.
 std::string FindData(const std::string& name);
 
 // The vocabulary to use unless told otherwise; empty if absent.

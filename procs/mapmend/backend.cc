@@ -1,0 +1,176 @@
+#include "procs/mapmend/backend.h"
+
+#include <algorithm>
+#include <chrono>
+#include <fstream>
+#include <stdexcept>
+#include <thread>
+
+#include "libs/bus/health.h"
+#include "libs/bus/process.h"
+#include "procs/mapmend/bus_plan.h"
+#include "procs/mapmend/paths.h"
+
+namespace mapmend {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using std::chrono::milliseconds;
+
+constexpr const char* kServices[] = {"submap_store", "merger", "viewer_export"};
+
+SupervisorOptions MakeSupervisorOptions(const BackendOptions& options) {
+  SupervisorOptions result;
+  result.log_folder = options.out + "/logs";
+  return result;
+}
+
+// "... hub listening on tcpq://127.0.0.1:PORT" in the hub's log; empty while it is not there.
+std::string FindHubUrl(const std::string& log_path) {
+  std::ifstream log(log_path);
+  const std::string announcement = "hub listening on ";
+  for (std::string line; std::getline(log, line);) {
+    const size_t at = line.find(announcement);
+    if (at == std::string::npos || log.eof()) continue;  // without its end the line may be cut short
+    const std::string rest = line.substr(at + announcement.size());
+    return rest.substr(0, rest.find_first_of(" \r"));
+  }
+  return {};
+}
+
+}  // namespace
+
+Backend::Backend(const BackendOptions& options) : options_(options), supervisor_(MakeSupervisorOptions(options)) {
+  const BusPlan plan = PlanBus(options_.lcm_url);
+  url_ = plan.url;
+  if (plan.start_hub) StartHub(plan.hub_port, plan.hub_bind);
+  bus_ = std::make_unique<Bus>(url_, options_.channel_prefix);
+  monitor_ = std::make_unique<HealthMonitor>(bus_.get());
+  if (!plan.start_hub) RefuseSharedStore();
+
+  StartProcess("submap_store", {FindProgram("submap_store"), "--db", options_.out + "/map.db", "--vocabulary-hash", options_.vocabulary_hash},
+               OnExit::kRestart);
+  WaitUntilReady("submap_store");
+  if (options_.with_merger) {
+    std::vector<std::string> merger = {FindProgram("merger"), "--vocabulary", options_.vocabulary};
+    if (options_.seed) merger.insert(merger.end(), {"--seed", std::to_string(*options_.seed)});
+    StartProcess("merger", merger, OnExit::kRestart);
+  }
+  std::vector<std::string> viewer = {FindProgram("viewer_export"), "--out", options_.out, "--port", std::to_string(options_.port)};
+  if (!options_.groundtruth.empty()) viewer.insert(viewer.end(), {"--groundtruth", options_.groundtruth});
+  StartProcess("viewer_export", viewer, OnExit::kRestart);
+  if (options_.with_merger) WaitUntilReady("merger");
+  WaitUntilReady("viewer_export");
+}
+
+Backend::~Backend() = default;
+
+void Backend::StartHub(int port, const std::string& bind) {
+  const auto arguments = [&](const std::string& number) {
+    return std::vector<std::string>{FindProgram("mapmend"), "hub", "--bind", bind, "--port", number};
+  };
+  supervisor_.Start({"hub", arguments(std::to_string(port)), OnExit::kRestart});
+  const auto deadline = Clock::now() + milliseconds(options_.ready_timeout_ms);
+  while (url_.empty() || !supervisor_.IsRunning("hub") || FindHubUrl(supervisor_.LogPath("hub")).empty()) {
+    if (StopRequested()) throw Interrupted();
+    supervisor_.Tick();
+    const std::string url = FindHubUrl(supervisor_.LogPath("hub"));
+    if (!url.empty()) {
+      url_ = url;
+      break;
+    }
+    if (Clock::now() > deadline) throw std::runtime_error("the hub does not start; see " + supervisor_.LogPath("hub"));
+    std::this_thread::sleep_for(milliseconds(5));
+  }
+  supervisor_.ChangeArguments("hub", arguments(url_.substr(url_.rfind(':') + 1)));
+  supervisor_.MarkReady("hub", supervisor_.Pid("hub"));
+}
+
+// Two stores on one bus would both acknowledge: whatever is on a bus that is not ours must keep out of our channels.
+void Backend::RefuseSharedStore() {
+  const auto deadline = Clock::now() + milliseconds(1300);  // health comes once a second
+  while (Clock::now() < deadline) {
+    if (StopRequested()) throw Interrupted();
+    bus_->Handle(100);
+    if (monitor_->FindLatest("submap_store") != nullptr) {
+      throw std::runtime_error("another run uses " + url_ + " already: choose another --lcm-url, or a --channel-prefix of its own");
+    }
+  }
+}
+
+void Backend::StartProcess(const std::string& name, std::vector<std::string> argv, OnExit on_exit) {
+  argv.insert(argv.end(), {"--lcm-url", url_, "--log-level", options_.log_level});
+  if (!options_.channel_prefix.empty()) argv.insert(argv.end(), {"--channel-prefix", options_.channel_prefix});
+  supervisor_.Start({name, argv, on_exit});
+}
+
+void Backend::WaitUntilReady(const std::string& name) {
+  const auto deadline = Clock::now() + milliseconds(options_.ready_timeout_ms);
+  for (;;) {
+    Tick(20);
+    const HealthMonitor::Entry* health = Health(name);
+    if (health != nullptr && health->state != "starting" && health->state != "error") return;
+    if (Clock::now() > deadline) {
+      throw std::runtime_error(name + " does not become ready; see " + supervisor_.LogPath(name));
+    }
+  }
+}
+
+void Backend::Tick(int timeout_ms) {
+  bus_->Handle(timeout_ms);
+  if (StopRequested()) throw Interrupted();
+  for (const char* name : kServices) {
+    const HealthMonitor::Entry* health = Health(name);
+    if (health == nullptr) continue;
+    if (health->state != "starting" && health->state != "error") supervisor_.MarkReady(name, health->pid);
+    if (Clock::now() - health->received > milliseconds(options_.silent_timeout_ms)) {
+      supervisor_.KillHung(name);
+      monitor_->Forget(name, health->pid);
+    }
+  }
+  KeepPeakMemory();
+  supervisor_.Tick();
+}
+
+void Backend::KeepPeakMemory() {
+  for (const auto& [key, entry] : monitor_->Entries()) {
+    double& peak = peak_rss_mb_[key.first];
+    peak = std::max(peak, entry.peak_rss_mb);
+  }
+}
+
+const HealthMonitor::Entry* Backend::Health(const std::string& name) const {
+  // Names that were not started have no pid to ask for.
+  for (const auto& [started, usage] : supervisor_.Usage()) {
+    if (started == name) return monitor_->Find(name, supervisor_.Pid(name));
+  }
+  return nullptr;
+}
+
+bool Backend::IsFinished(const std::string& session, int64_t last_seq) const {
+  const auto done = [&](const HealthMonitor::Entry* entry) {
+    if (entry == nullptr || entry->state != "done") return false;
+    const auto cursor = entry->cursors.find(session);
+    return cursor != entry->cursors.end() && cursor->second >= last_seq;
+  };
+  const HealthMonitor::Entry* merger = Health("merger");
+  const HealthMonitor::Entry* viewer = Health("viewer_export");
+  if (!done(merger) || !done(viewer)) return false;
+  // The viewer may be done with an earlier revision when a flight is appended to a map.
+  return CounterOr(viewer, "revision", -1) >= CounterOr(merger, "revision", -1) || CounterOr(viewer, "revision", -1) < 0;
+}
+
+std::vector<std::pair<std::string, ResourceUsage>> Backend::StopAll() {
+  supervisor_.StopAll();
+  auto usage = supervisor_.Usage();
+  // The kernel counts the launcher's own pages between fork and exec as the child's: where that is what it has seen, the
+  // process's own report is the better one.
+  const double own_peak = ReadProcessUsage().peak_rss_mb;
+  for (auto& [name, used] : usage) {
+    const auto reported = peak_rss_mb_.find(name);
+    if (used.peak_rss_mb <= own_peak && reported != peak_rss_mb_.end()) used.peak_rss_mb = reported->second;
+  }
+  return usage;
+}
+
+}  // namespace mapmend

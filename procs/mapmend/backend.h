@@ -1,0 +1,73 @@
+#pragma once
+
+#include <exception>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "libs/bus/bus.h"
+#include "procs/mapmend/health_monitor.h"
+#include "procs/mapmend/supervisor.h"
+
+namespace mapmend {
+
+// Ctrl-C or SIGTERM.
+struct Interrupted : std::exception {
+  const char* what() const noexcept override { return "interrupted"; }
+};
+
+struct BackendOptions {
+  std::string out;              // folder of results; holds map.db and logs/
+  std::string vocabulary;
+  std::string vocabulary_hash;
+  std::string groundtruth;      // empty: none
+  std::string lcm_url;          // empty: a private hub
+  std::string channel_prefix;
+  std::string log_level = "info";
+  std::optional<int> seed;
+  int port = 0;                 // of the live page, 0: none
+  bool with_merger = true;
+  int ready_timeout_ms = 60000;
+  int silent_timeout_ms = 120000;  // a process whose health is silent for so long has hung
+};
+
+// The processes behind a camera or a log: hub, store, merger, viewer; started in this order, each when the one before is ready
+// (or has told why it cannot be), kept alive, and stopped in reverse order.
+class Backend {
+ public:
+  // Returns once all are ready. Throws std::runtime_error with the line of the process that failed, or Interrupted.
+  explicit Backend(const BackendOptions& options);
+  ~Backend();
+
+  // Dispatches the bus for up to timeout_ms and looks after the processes. Throws as the constructor does.
+  void Tick(int timeout_ms);
+  // Starts one more process on the same bus: argv gets --lcm-url, --channel-prefix and --log-level added.
+  void StartProcess(const std::string& name, std::vector<std::string> argv, OnExit on_exit);
+  // True once merger and viewer have finished the whole of a session.
+  //   last_seq  its last record, -1 if unknown
+  bool IsFinished(const std::string& session, int64_t last_seq) const;
+
+  const std::string& Url() const { return url_; }
+  Bus* bus() { return bus_.get(); }
+  Supervisor* supervisor() { return &supervisor_; }
+  // Health of our own process of that name; nullptr before its first word.
+  const HealthMonitor::Entry* Health(const std::string& name) const;
+  // Stops all. Afterwards usage is complete: CPU and memory of every process, in order of start.
+  std::vector<std::pair<std::string, ResourceUsage>> StopAll();
+
+ private:
+  void StartHub(int port, const std::string& bind);
+  void WaitUntilReady(const std::string& name);
+  void RefuseSharedStore();
+  void KeepPeakMemory();
+
+  BackendOptions options_;
+  std::string url_;
+  Supervisor supervisor_;
+  std::unique_ptr<Bus> bus_;
+  std::unique_ptr<HealthMonitor> monitor_;
+  std::map<std::string, double> peak_rss_mb_;  // as the processes report it
+};
+
+}  // namespace mapmend

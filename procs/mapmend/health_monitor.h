@@ -1,0 +1,42 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <string>
+
+#include "libs/bus/bus.h"
+
+namespace mapmend {
+
+// The last word of every process on MAPMEND_HEALTH.
+class HealthMonitor {
+ public:
+  struct Entry {
+    std::string process, version, state, message;
+    int pid = -1;
+    int queue_depth = 0;
+    double cpu_s = 0, rss_mb = 0, peak_rss_mb = 0;
+    std::map<std::string, double> counters;
+    std::map<std::string, int64_t> cursors;  // by session
+    std::chrono::steady_clock::time_point received;
+  };
+
+  explicit HealthMonitor(Bus* bus);  // subscribes; entries change inside the bus's Handle
+
+  // By process name, then pid: several of one name may be on a shared bus.
+  const std::map<std::pair<std::string, int>, Entry>& Entries() const { return entries_; }
+  // The entry of one process; nullptr if it has not been heard of.
+  const Entry* Find(const std::string& process, int pid) const;
+  // The last entry of that name whoever sent it; nullptr if there is none.
+  const Entry* FindLatest(const std::string& process) const;
+  void Forget(const std::string& process, int pid) { entries_.erase({process, pid}); }
+
+ private:
+  std::map<std::pair<std::string, int>, Entry> entries_;
+};
+
+// A counter's value, or fallback if the entry is null or does not have it.
+double CounterOr(const HealthMonitor::Entry* entry, const std::string& name, double fallback);
+
+}  // namespace mapmend

@@ -1,0 +1,91 @@
+#include "procs/mapmend/out_folder.h"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <netinet/in.h>
+#include <sys/file.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <stdexcept>
+
+namespace mapmend {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Everything a run writes into its folder.
+constexpr const char* kResults[] = {"map.db",     "map.db-wal", "map.db-shm", "map.ply",        "frames.tum",   "keyframes.tum",
+                                    "components", "submaps",    "graph.dot",  "graph.svg",      "report.html",  "summary.json",
+                                    "logs",       "outbox",     "images",     "trajectory.svg", "connections.json"};
+
+bool IsFree(int port) {
+  const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  if (fd < 0) return false;
+  const int yes = 1;  // a port whose last connections are in TIME_WAIT is free, as it is for the servers themselves
+  setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(static_cast<uint16_t>(port));
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  const bool free = bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0 && listen(fd, 1) == 0;
+  close(fd);
+  return free;
+}
+
+void RemoveResults(const std::string& path) {
+  for (const char* name : kResults) {
+    std::error_code error;
+    fs::remove_all(fs::path(path) / name, error);
+    if (error) throw std::runtime_error("cannot remove " + (fs::path(path) / name).string() + ": " + error.message());
+  }
+}
+
+}  // namespace
+
+OutFolder::OutFolder(const std::string& path, bool overwrite, bool append) {
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (error || !fs::is_directory(path)) {
+    throw std::runtime_error("cannot write to --out " + path + ": " + (error ? error.message() : "not a folder"));
+  }
+  const std::string probe = (fs::path(path) / (".mapmend-" + std::to_string(getpid()))).string();
+  if (!std::ofstream(probe)) throw std::runtime_error("cannot write to --out " + path + ": " + std::strerror(errno));
+  fs::remove(probe, error);
+
+  fd_ = open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd_ < 0 || flock(fd_, LOCK_EX | LOCK_NB) != 0) {
+    if (fd_ >= 0) close(fd_);
+    throw std::runtime_error("another mapmend is writing into " + path + "; choose another --out");
+  }
+  try {
+    if (fs::exists(fs::path(path) / "map.db", error) && !overwrite && !append) {
+      throw std::runtime_error(path + " already holds a map.db: give another --out, --overwrite to replace it, or --append to map "
+                                      "this flight into it");
+    }
+    if (!append) RemoveResults(path);
+    fs::create_directories(fs::path(path) / "logs", error);
+    if (error) throw std::runtime_error("cannot write to --out " + path + ": " + error.message());
+  } catch (...) {
+    close(fd_);
+    throw;
+  }
+}
+
+OutFolder::~OutFolder() { close(fd_); }
+
+int FindFreePort(int first, bool only, const std::string& option) {
+  if (first < 1 || first > 65535) throw std::runtime_error(option + " " + std::to_string(first) + ": ports are 1 to 65535");
+  for (int port = first; port <= (only ? first : std::min(65535, first + 99)); ++port) {
+    if (IsFree(port)) return port;
+  }
+  throw std::runtime_error(only ? option + " " + std::to_string(first) + ": the port is in use by another program; choose another"
+                                : "no free port from " + std::to_string(first) + " on; choose one with " + option);
+}
+
+}  // namespace mapmend

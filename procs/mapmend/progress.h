@@ -1,0 +1,30 @@
+#pragma once
+
+#include <chrono>
+#include <string>
+
+namespace mapmend {
+
+// One line that says how far a run is: rewritten in place on a terminal, else a new line every few seconds.
+class Progress {
+ public:
+  Progress();
+  ~Progress();  // ends the line
+
+  // Shows text; at most ten times a second on a terminal, else when `interval_s` have passed since the last line.
+  void Show(const std::string& text);
+  // A line of its own that stays.
+  void Say(const std::string& line);
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  bool terminal_;
+  size_t shown_width_ = 0;
+  std::string last_text_;
+  Clock::time_point last_;
+};
+
+// "1:05" or "1:02:05"; seconds are rounded.
+std::string FormatDuration(double seconds);
+
+}  // namespace mapmend

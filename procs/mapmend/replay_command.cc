@@ -1,0 +1,132 @@
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <stdexcept>
+
+#include "libs/bus/process.h"
+#include "libs/geometry/write_file.h"
+#include "libs/retrieval/vocabulary.h"
+#include "procs/mapmend/backend.h"
+#include "procs/mapmend/bus_plan.h"
+#include "procs/mapmend/commands.h"
+#include "procs/mapmend/finish_run.h"
+#include "procs/mapmend/log_reader.h"
+#include "procs/mapmend/out_folder.h"
+#include "procs/mapmend/paths.h"
+#include "procs/mapmend/progress.h"
+#include "procs/mapmend/record_sender.h"
+#include "procs/mapmend/run_flight.h"
+
+namespace mapmend {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+struct ReplayOptions {
+  std::string log, out, vocabulary, groundtruth, lcm_url, channel_prefix, log_level = "info";
+  std::optional<int> seed;
+  int port = 0;
+  bool overwrite = false;
+};
+
+// Sends the whole recording to the store, as fast as it commits.
+void SendAll(LogReader* log, Backend* backend, Progress* progress) {
+  RecordSender sender(backend->bus());
+  int num_sent = 0;
+  bool at_end = false;
+  while (!at_end || !sender.AllAcknowledged()) {
+    while (!at_end && sender.CanSend()) {
+      std::optional<EncodedRecord> record = log->Next();
+      at_end = !record;
+      if (record) {
+        sender.Send(std::move(*record));
+        ++num_sent;
+      }
+    }
+    sender.Tick();
+    backend->Tick(sender.AllAcknowledged() ? 0 : 10);
+    progress->Show(std::to_string(num_sent) + " records sent" + (sender.StoreError().empty() ? "" : "; store: " + sender.StoreError()));
+  }
+}
+
+bool AllFinished(const Backend& backend, const LogReader& log) {
+  for (const auto& [session, seq] : log.LastRecords()) {
+    if (!backend.IsFinished(session, seq)) return false;
+  }
+  return true;
+}
+
+int Replay(ReplayOptions options) {
+  const auto start = Clock::now();
+  InstallSignalHandlers();
+  if (options.vocabulary.empty()) options.vocabulary = DefaultVocabulary();
+  if (options.vocabulary.empty()) throw std::runtime_error("no vocabulary: give one with --vocabulary");
+  LogReader log(options.log);
+  const std::string hash = Vocabulary::Read(options.vocabulary).Hash();
+  if (!log.VocabularyHash().empty() && log.VocabularyHash() != hash) {
+    throw std::runtime_error("log " + options.log + " was recorded with the vocabulary " + log.VocabularyHash() + ", " + options.vocabulary +
+                             " is " + hash + ": give the right one with --vocabulary");
+  }
+  if (options.port != 0) FindFreePort(options.port, true, "--port");
+  const OutFolder out_folder(options.out, options.overwrite, false);
+
+  Progress progress;
+  try {
+    BackendOptions backend_options;
+    backend_options.out = options.out;
+    backend_options.vocabulary = options.vocabulary;
+    backend_options.vocabulary_hash = hash;
+    backend_options.groundtruth = options.groundtruth;
+    backend_options.lcm_url = options.lcm_url;
+    backend_options.channel_prefix = options.channel_prefix;
+    backend_options.log_level = options.log_level;
+    backend_options.seed = options.seed;
+    backend_options.port = options.port;
+    Backend backend(backend_options);
+    progress.Say("mapping the recording " + options.log + " into " + options.out + "; bus " + backend.Url());
+    WriteFile(options.out + "/logs/lcm-url", backend.Url() + "\n");
+    SendAll(&log, &backend, &progress);
+    while (!AllFinished(backend, log)) {
+      progress.Show("merging");
+      backend.Tick(50);
+    }
+    LauncherFigures figures;
+    figures.processes = backend.StopAll();
+    figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
+    progress.Say(FinishRun(options.out, figures));
+    for (const std::string& complaint : log.Complaints()) std::fprintf(stderr, "mapmend: %s\n", complaint.c_str());
+    return log.Complaints().empty() ? 0 : kExitInputCutShort;
+  } catch (const Interrupted&) {
+    progress.Say("interrupted: " + options.out + "/map.db holds what was mapped so far");
+    return kExitInterrupted;
+  }
+}
+
+}  // namespace
+
+void AddReplayCommand(CLI::App* app) {
+  CLI::App* sub = app->add_subcommand("replay", "Map from a recording of `mapmend run --record`: the same map without the camera");
+  const auto options = std::make_shared<ReplayOptions>();
+  sub->add_option("LOG", options->log, "event log of lcm-logger")->required();
+  sub->add_option("--out", options->out, "folder of the results")->required();
+  sub->add_flag("--overwrite", options->overwrite, "replace the results of an earlier run in --out");
+  sub->add_option("--vocabulary", options->vocabulary, "the one that the recording was made with (default: mapmend's own)");
+  sub->add_option("--groundtruth", options->groundtruth, "TUM file; the report then tells the accuracy");
+  sub->add_option("--seed", options->seed, "of everything random; take that of the recorded run for the same map");
+  sub->add_option("--port", options->port, "of the live page, 0: none")->capture_default_str();
+  sub->add_option("--lcm-url", options->lcm_url, "LCM network (default: $LCM_DEFAULT_URL, else a private hub on a free port)");
+  sub->add_option("--channel-prefix", options->channel_prefix, "put before every channel name, so that runs can share a bus");
+  sub->add_option("--log-level", options->log_level, "of the log files in OUT/logs: debug, info, warn or error")
+      ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
+      ->capture_default_str();
+  sub->footer("Exit codes: 0 done; 1 an error, told in one line; 3 the recording is not complete (what it holds is mapped); 130\n"
+              "interrupted.");
+  sub->callback([options] {
+    options->lcm_url = UrlFromOptionOrEnvironment(options->lcm_url);
+    const int code = Replay(*options);
+    if (code != 0) throw CLI::RuntimeError(code);
+  });
+}
+
+}  // namespace mapmend

@@ -1,0 +1,143 @@
+#include "procs/mapmend/run_flight.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <stdexcept>
+
+#include "libs/bus/process.h"
+#include "libs/geometry/write_file.h"
+#include "procs/mapmend/backend.h"
+#include "procs/mapmend/finish_run.h"
+#include "procs/mapmend/out_folder.h"
+#include "procs/mapmend/paths.h"
+#include "procs/mapmend/progress.h"
+#include "procs/mapmend/recorder.h"
+
+namespace mapmend {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+std::string NewSession() {
+  std::ifstream file("/proc/sys/kernel/random/uuid");
+  std::string uuid;
+  if (!(file >> uuid)) throw std::runtime_error("cannot make a session id: /proc/sys/kernel/random/uuid cannot be read");
+  return uuid;
+}
+
+std::vector<std::string> FrontendArguments(const RunOptions& options, const std::string& session) {
+  std::vector<std::string> argv = {FindProgram("frontend"), options.input,     "--camera",  options.camera,
+                                   "--vocabulary",          options.vocabulary, "--session", session,
+                                   "--outbox",              options.out + "/outbox"};
+  const auto add = [&](const char* name, const std::string& value) {
+    if (!value.empty()) argv.insert(argv.end(), {name, value});
+  };
+  const auto add_number = [&](const char* name, const std::optional<int>& value) {
+    if (value) argv.insert(argv.end(), {name, std::to_string(*value)});
+  };
+  add("--times", options.times);
+  add("--skip-frames", options.skip_frames);
+  add("--vehicle", options.vehicle);
+  add_number("--seed", options.seed);
+  add_number("--features", options.features);
+  add_number("--max-dimension", options.max_dimension);
+  return argv;
+}
+
+std::string DescribeProgress(const Backend& backend, int num_frames) {
+  const auto* frontend = backend.Health("frontend");
+  const double frames = CounterOr(frontend, "frames", 0), fps = CounterOr(frontend, "fps", 0);
+  const double total = std::max<double>(CounterOr(frontend, "frames_total", 0), num_frames);
+  char text[200];
+  int size = std::snprintf(text, sizeof(text), "%.0f", frames);
+  if (total > 0) size += std::snprintf(text + size, sizeof(text) - size, "/%.0f", total);
+  size += std::snprintf(text + size, sizeof(text) - size, " frames  %.1f fps  %.0f submaps  %.0f connections", fps,
+                        CounterOr(frontend, "submaps", 0), CounterOr(backend.Health("merger"), "connections", 0));
+  std::string result(text, size);
+  if (total > frames && fps > 0) result += "  " + FormatDuration((total - frames) / fps) + " left";
+  return result;
+}
+
+}  // namespace
+
+int RunFlight(const RunInputs& inputs) {
+  const RunOptions& options = inputs.options;
+  const auto start = Clock::now();
+  InstallSignalHandlers();
+  const int port = options.port ? (*options.port == 0 ? 0 : FindFreePort(*options.port, true, "--port"))
+                                : FindFreePort(8080, false, "--port");
+  const OutFolder out_folder(options.out, options.overwrite, options.append);
+  const std::string recording = options.record.empty() ? "" : CheckRecordFolder(options.record, options.overwrite);
+
+  for (const std::string& note : inputs.notes) std::printf("%s\n", note.c_str());
+  Progress progress;
+  try {
+    BackendOptions backend_options;
+    backend_options.out = options.out;
+    backend_options.vocabulary = options.vocabulary;
+    backend_options.vocabulary_hash = inputs.vocabulary_hash;
+    backend_options.groundtruth = options.groundtruth;
+    backend_options.lcm_url = options.lcm_url;
+    backend_options.channel_prefix = options.channel_prefix;
+    backend_options.log_level = options.log_level;
+    backend_options.seed = options.seed;
+    backend_options.port = port;
+    Backend backend(backend_options);
+    const std::string session = options.session.empty() ? NewSession() : options.session;
+    progress.Say("mapping " + options.input + " into " + options.out + "; bus " + backend.Url() +
+                 (port > 0 ? "; live page http://127.0.0.1:" + std::to_string(port) : ""));
+    WriteFile(options.out + "/logs/lcm-url", backend.Url() + "\n");
+    std::unique_ptr<Recorder> recorder;
+    if (!recording.empty()) recorder = std::make_unique<Recorder>(&backend, recording, options.channel_prefix);
+
+    backend.StartProcess("frontend", FrontendArguments(options, session), OnExit::kReport);
+    HealthMonitor::Entry frontend;  // its last word
+    while (!backend.supervisor()->Status("frontend")) {
+      const auto* health = backend.Health("frontend");
+      if (health != nullptr) frontend = *health;
+      progress.Show(DescribeProgress(backend, inputs.num_frames));
+      backend.Tick(50);
+    }
+    const ExitStatus status = *backend.supervisor()->Status("frontend");
+    const bool cut_short = status.signal == 0 && status.code == kExitInputCutShort;
+    const std::string complaint = status.Success() ? "" : backend.supervisor()->ErrorLine("frontend");
+    if (!status.Success() && !cut_short) {
+      std::string why = complaint.empty() ? "frontend ended with " + status.Describe() : complaint;
+      if (frontend.counters.contains("frames") && frontend.counters.at("frames") > 0) {
+        why += "; " + options.out + "/map.db holds what was mapped up to there";
+      }
+      throw std::runtime_error(why);
+    }
+    const auto cursor = frontend.cursors.find(session);
+    const int64_t last_seq = cursor == frontend.cursors.end() ? -1 : cursor->second;
+    while (!backend.IsFinished(session, last_seq)) {
+      const auto* merger = backend.Health("merger");
+      char text[100];
+      std::snprintf(text, sizeof(text), "merging: %.0f connections, %.0f in use, %.0f components", CounterOr(merger, "connections", 0),
+                    CounterOr(merger, "edges_accepted", 0), CounterOr(merger, "components", 0));
+      progress.Show(text);
+      backend.Tick(50);
+    }
+    if (recorder) recorder->Finish();
+
+    LauncherFigures figures;
+    if (frontend.counters.contains("track_ms_median")) figures.track_ms_median = frontend.counters.at("track_ms_median");
+    if (frontend.counters.contains("track_ms_p95")) figures.track_ms_p95 = frontend.counters.at("track_ms_p95");
+    figures.processes = backend.StopAll();
+    figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
+    progress.Say(FinishRun(options.out, figures));
+    if (cut_short) {
+      std::fprintf(stderr, "mapmend: %s; what could be read is mapped\n", complaint.c_str());
+      return kExitInputCutShort;
+    }
+    return 0;
+  } catch (const Interrupted&) {
+    progress.Say("interrupted: " + options.out + "/map.db holds what was mapped so far");
+    return kExitInterrupted;
+  }
+}
+
+}  // namespace mapmend

@@ -1,0 +1,162 @@
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <opencv2/core/utils/logger.hpp>
+#include <opencv2/videoio.hpp>
+#include <set>
+#include <stdexcept>
+
+#include "libs/geometry/camera.h"
+#include "libs/geometry/trajectory_file.h"
+#include "libs/retrieval/vocabulary.h"
+#include "procs/mapmend/paths.h"
+#include "procs/mapmend/run_options.h"
+
+namespace mapmend {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void Fail(const std::string& what) { throw std::runtime_error(what); }
+
+void RequireReadableFile(const std::string& path, const std::string& what) {
+  std::error_code error;
+  if (!fs::exists(path, error)) Fail(what + " " + path + " does not exist");
+  if (fs::is_directory(path, error)) Fail(what + " " + path + " is a folder");
+  if (!std::ifstream(path)) Fail(what + " " + path + " cannot be read");
+}
+
+// Number of images in a folder, by the endings that OpenCV reads.
+int CountImages(const std::string& folder) {
+  static const std::set<std::string> kEndings = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"};
+  int count = 0;
+  std::error_code error;
+  fs::directory_iterator entries(folder, error);
+  if (error) Fail("input folder " + folder + " cannot be read: " + error.message());
+  for (const auto& entry : entries) {
+    std::string ending = entry.path().extension().string();
+    std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
+    if (kEndings.contains(ending)) ++count;
+  }
+  if (count == 0) Fail("input folder " + folder + " holds no images (jpg, png, bmp, tif, pgm, ppm, webp)");
+  return count;
+}
+
+// Opens a video and decodes its first frame. Returns the number of frames its header gives, 0 if it gives none.
+int ProbeVideo(const std::string& path) {
+  setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+  cv::VideoCapture video(path, cv::CAP_FFMPEG);
+  if (!video.isOpened()) Fail("input " + path + " is not a video that can be opened (nor a folder of images)");
+  if (!video.grab()) Fail("input " + path + ": the video holds no frame that can be decoded");
+  const double count = video.get(cv::CAP_PROP_FRAME_COUNT);
+  return std::isfinite(count) && count > 0 && count < 1e9 ? static_cast<int>(count) : 0;
+}
+
+int CountTimes(const std::string& path) {
+  std::ifstream file(path);
+  int line_number = 0, count = 0;
+  for (std::string line; std::getline(file, line);) {
+    ++line_number;
+    const size_t begin = line.find_first_not_of(" \t\r");
+    if (begin == std::string::npos || line[begin] == '#') continue;
+    const size_t end = line.find_first_of(" \t\r,", begin);
+    int64_t utime = 0;
+    if (!ParseSeconds(std::string_view(line).substr(begin, end == std::string::npos ? end : end - begin), &utime)) {
+      Fail("times file " + path + ", line " + std::to_string(line_number) + ": not a number of seconds");
+    }
+    ++count;
+  }
+  return count;
+}
+
+void CheckVocabulary(RunInputs* inputs) {
+  RunOptions& options = inputs->options;
+  if (options.vocabulary.empty()) options.vocabulary = DefaultVocabulary();
+  if (options.vocabulary.empty()) {
+    Fail("no vocabulary: vocabulary/mapmend.voc is missing from mapmend's data; give one with --vocabulary");
+  }
+  RequireReadableFile(options.vocabulary, "vocabulary");
+  inputs->vocabulary_hash = Vocabulary::Read(options.vocabulary).Hash();
+}
+
+}  // namespace
+
+std::vector<FrameRange> ParseFrameRanges(const std::string& text) {
+  std::vector<FrameRange> ranges;
+  const char* at = text.data();
+  const char* const end = at + text.size();
+  const auto fail = [&] { Fail("--skip-frames " + text + ": expected ranges of frames, e.g. 80-120,200-240"); };
+  const auto number = [&](int* value) {
+    const auto result = std::from_chars(at, end, *value);
+    if (result.ec != std::errc() || *value < 0) fail();
+    at = result.ptr;
+  };
+  while (at != end) {
+    FrameRange range;
+    number(&range.first);
+    range.last = range.first;
+    if (at != end && *at == '-') {
+      ++at;
+      number(&range.last);
+    }
+    if (range.last < range.first) fail();
+    ranges.push_back(range);
+    if (at == end) break;
+    if (*at != ',' || ++at == end) fail();
+  }
+  return ranges;
+}
+
+RunInputs CheckRunInputs(const RunOptions& given) {
+  RunInputs inputs;
+  inputs.options = given;
+  RunOptions& options = inputs.options;
+  std::error_code error;
+  if (!fs::exists(options.input, error)) Fail("input " + options.input + " does not exist");
+  const bool is_folder = fs::is_directory(options.input, error);
+
+  const fs::path input = fs::absolute(options.input).lexically_normal();
+  const fs::path stem = is_folder && input.filename().empty() ? input.parent_path().filename() : input.stem();
+  if (options.out.empty()) options.out = "mapmend-" + stem.string();
+
+  // camera.yaml and times.txt beside a video, or in the folder of images.
+  const fs::path beside = is_folder ? input : input.parent_path();
+  if (options.camera.empty()) {
+    const fs::path path = beside / "camera.yaml";
+    if (!fs::exists(path, error)) Fail("no camera file: give one with --camera (there is no camera.yaml beside the input either)");
+    options.camera = path.string();
+    inputs.notes.push_back("camera " + options.camera + " (found beside the input)");
+  }
+  RequireReadableFile(options.camera, "camera file");
+  ReadCamera(options.camera);
+  if (options.times.empty() && fs::exists(beside / "times.txt", error)) {
+    options.times = (beside / "times.txt").string();
+    inputs.notes.push_back("times " + options.times + " (found beside the input)");
+  }
+
+  inputs.num_frames = is_folder ? CountImages(options.input) : ProbeVideo(options.input);
+  if (!options.times.empty()) {
+    RequireReadableFile(options.times, "times file");
+    const int num_times = CountTimes(options.times);
+    if (num_times < inputs.num_frames) {
+      Fail("times file " + options.times + " has " + std::to_string(num_times) + " lines for " +
+           std::to_string(inputs.num_frames) + " frames; it needs one for each");
+    }
+  }
+  ParseFrameRanges(options.skip_frames);
+  if (!options.groundtruth.empty()) {
+    RequireReadableFile(options.groundtruth, "ground truth");
+    if (ReadTrajectory(options.groundtruth).empty()) Fail("ground truth " + options.groundtruth + " holds no pose");
+  }
+  if (options.features && *options.features < 100) Fail("--features " + std::to_string(*options.features) + ": at least 100");
+  if (options.max_dimension && *options.max_dimension < 0) Fail("--max-dimension must not be negative");
+  if (options.overwrite && options.append) Fail("--overwrite and --append exclude each other");
+  CheckVocabulary(&inputs);
+  return inputs;
+}
+
+}  // namespace mapmend

@@ -1,0 +1,99 @@
+#include "procs/mapmend/run_summary.h"
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "libs/geometry/write_file.h"
+#include "procs/mapmend/progress.h"
+
+namespace mapmend {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json ReadSummary(const std::string& path) {
+  try {
+    Json summary = Json::parse(ReadFile(path));
+    if (summary.is_object()) return summary;
+  } catch (const Json::exception&) {
+  }
+  throw std::runtime_error(path + " is not a JSON object");
+}
+
+int Count(const Json& summary, const char* key) {
+  const auto found = summary.find(key);
+  return found != summary.end() && found->is_number() ? found->get<int>() : 0;
+}
+
+size_t Size(const Json& summary, const char* key) {
+  const auto found = summary.find(key);
+  return found != summary.end() && found->is_array() ? found->size() : 0;
+}
+
+double Number(const Json& object, const char* key, double fallback = 0) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_number() ? found->get<double>() : fallback;
+}
+
+template <typename... Values>
+std::string Format(const char* format, Values... values) {
+  char text[256];
+  std::snprintf(text, sizeof(text), format, values...);
+  return text;
+}
+
+}  // namespace
+
+void CompleteSummary(const std::string& out, const LauncherFigures& figures) {
+  const std::string path = out + "/summary.json";
+  Json summary = ReadSummary(path);
+  summary["wall_s"] = figures.wall_s;
+  Json frontend = Json::object();
+  if (figures.track_ms_median) frontend["track_ms_median"] = *figures.track_ms_median;
+  if (figures.track_ms_p95) frontend["track_ms_p95"] = *figures.track_ms_p95;
+  summary["frontend"] = frontend;
+  Json processes = Json::array();
+  for (const auto& [name, usage] : figures.processes) {
+    processes.push_back({{"name", name}, {"cpu_s", usage.cpu_s}, {"peak_rss_mb", usage.peak_rss_mb}});
+  }
+  summary["processes"] = processes;
+  WriteFile(path, summary.dump(2) + "\n");
+}
+
+std::string FormatSummaryTable(const std::string& out) {
+  const Json summary = ReadSummary(out + "/summary.json");
+  const int frames = Count(summary, "frames_in"), tracked = Count(summary, "frames_tracked");
+  const int in_main = Count(summary, "frames_in_main");
+  std::string table;
+  const auto row = [&](const char* name, const std::string& text) { table += Format("  %-13s", name) + text + "\n"; };
+  row("frames", Format("%d read, %d tracked, %d in the main map (%.1f %%)", frames, tracked, in_main,
+                       frames > 0 ? 100.0 * in_main / frames : 0.0));
+  row("losses", std::to_string(Count(summary, "losses")));
+  row("submaps", Format("%zu in %zu component%s", Size(summary, "submaps"), Size(summary, "components"),
+                        Size(summary, "components") == 1 ? "" : "s"));
+  int accepted = 0;
+  for (const Json& connection : summary.value("connections", Json::array())) {
+    if (connection.value("verdict", "") == "accepted") ++accepted;
+  }
+  row("connections", Format("%d accepted of %zu evaluated", accepted, Size(summary, "connections")));
+  row("keyframes", Format("%d of %d in the main map, %d points", Count(summary, "keyframes_in_main"), Count(summary, "keyframes_total"),
+                          Count(summary, "points_in_main")));
+  const auto ate = summary.find("ate");
+  if (ate != summary.end() && ate->is_object() && ate->contains("rmse_m")) {
+    row("accuracy", Format("%.3f m ATE RMSE against the ground truth", Number(*ate, "rmse_m")));
+  }
+  const double wall = Number(summary, "wall_s");
+  std::string time = FormatDuration(wall) + Format(" (%.1f frames/s)", wall > 0 ? frames / wall : 0.0);
+  const Json frontend = summary.value("frontend", Json::object());
+  if (frontend.contains("track_ms_median")) {
+    time += Format(", tracking %.1f ms a frame (p95 %.1f)", Number(frontend, "track_ms_median"), Number(frontend, "track_ms_p95"));
+  }
+  row("time", time);
+  for (const Json& process : summary.value("processes", Json::array())) {
+    row(process.value("name", "").c_str(), Format("%7.1f CPU s %7.0f MB", Number(process, "cpu_s"), Number(process, "peak_rss_mb")));
+  }
+  return table;
+}
+
+}  // namespace mapmend

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "procs/mapmend/child_process.h"
+
+// The end of a run: what only the launcher knows goes into summary.json, the report is built again, a table is printed.
+namespace mapmend {
+
+struct LauncherFigures {
+  double wall_s = 0;
+  std::optional<double> track_ms_median, track_ms_p95;  // of the frontend, if there was one
+  std::vector<std::pair<std::string, ResourceUsage>> processes;
+};
+
+// Adds wall_s, frontend {track_ms_median, track_ms_p95} and processes [] to OUT/summary.json. Throws std::runtime_error if the
+// file is missing or no JSON object.
+void CompleteSummary(const std::string& out, const LauncherFigures& figures);
+
+// The table for the terminal, from OUT/summary.json. Throws as CompleteSummary does.
+std::string FormatSummaryTable(const std::string& out);
+
+}  // namespace mapmend

@@ -1,0 +1,49 @@
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <memory>
+#include <stdexcept>
+#include <vector>
+
+#include "libs/bus/bus.h"
+#include "procs/mapmend/commands.h"
+#include "procs/mapmend/paths.h"
+#include "procs/mapmend/recorder.h"
+
+namespace mapmend {
+namespace {
+
+std::string RequireJar(const std::string& path, const std::string& package) {
+  if (access(path.c_str(), R_OK) != 0) throw std::runtime_error("lcm-spy needs " + path + ": install the package " + package);
+  return path;
+}
+
+// The script lcm-spy does not start as Debian ships it (a removed JVM flag, a missing library): the class is started directly.
+[[noreturn]] void ExecSpy(const std::string& url) {
+  const std::string java = FindOnPath("java");
+  if (java.empty()) throw std::runtime_error("lcm-spy needs Java: install the package default-jre");
+  const std::string types = FindData("java/mapmend-types.jar");
+  if (types.empty()) {
+    throw std::runtime_error("mapmend-types.jar was not built: install the packages ecj and liblcm-java, then configure and build again");
+  }
+  const std::string class_path = RequireJar("/usr/share/java/lcm.jar", "liblcm-java") + ":" +
+                                 RequireJar("/usr/share/java/jchart2d.jar", "libjchart2d-java") + ":" + types;
+  std::vector<std::string> words = {java, "-cp", class_path, "lcm.spy.Spy", "-l", url};
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  execv(java.c_str(), argv.data());
+  throw std::runtime_error("cannot start " + java + ": " + std::strerror(errno));
+}
+
+}  // namespace
+
+void AddSpyCommand(CLI::App* app) {
+  CLI::App* sub = app->add_subcommand("spy", "Start lcm-spy with mapmend's message types: every channel, its rate, its fields");
+  const auto url = std::make_shared<std::string>();
+  sub->add_option("--lcm-url", *url, "LCM network (default: $LCM_DEFAULT_URL, else tcpq://127.0.0.1:7700)");
+  sub->callback([url] { ExecSpy(ResolveLcmUrl(*url)); });
+}
+
+}  // namespace mapmend
