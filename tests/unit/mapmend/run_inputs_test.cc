@@ -1,0 +1,168 @@
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "procs/mapmend/bus_plan.h"
+#include "procs/mapmend/out_folder.h"
+#include "procs/mapmend/run_options.h"
+
+namespace mapmend {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Runs body, which must throw, and returns what it says.
+template <typename Body>
+std::string Message(Body body) {
+  try {
+    body();
+  } catch (const std::exception& e) {
+    return e.what();
+  }
+  return "(no error)";
+}
+
+// A socket that listens on a port of its own, and says nothing to whoever connects.
+class SilentServer {
+ public:
+  SilentServer() {
+    fd_ = socket(AF_INET, SOCK_STREAM, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    bind(fd_, reinterpret_cast<sockaddr*>(&address), sizeof(address));
+    listen(fd_, 4);
+    socklen_t size = sizeof(address);
+    getsockname(fd_, reinterpret_cast<sockaddr*>(&address), &size);
+    port_ = ntohs(address.sin_port);
+  }
+  ~SilentServer() { Close(); }
+  void Close() {
+    if (fd_ >= 0) close(fd_);
+    fd_ = -1;
+  }
+  int Port() const { return port_; }
+
+ private:
+  int fd_ = -1, port_ = 0;
+};
+
+class RunInputsTest : public testing::Test {
+ protected:
+  RunInputsTest() {
+    folder_ = fs::path(testing::TempDir()) / ("run_inputs_" + std::to_string(getpid()));
+    fs::create_directories(folder_);
+    options_.input = flight_ + "/video.mp4";
+    options_.camera = flight_ + "/camera.yaml";
+    options_.times = flight_ + "/times.txt";
+  }
+  ~RunInputsTest() override { fs::remove_all(folder_); }
+  std::string Write(const std::string& name, const std::string& content) {
+    const std::string path = (folder_ / name).string();
+    std::ofstream(path) << content;
+    return path;
+  }
+  std::string Error() {
+    return Message([&] { CheckRunInputs(options_); });
+  }
+
+  const std::string flight_ = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross";
+  fs::path folder_;
+  RunOptions options_;
+};
+
+TEST_F(RunInputsTest, NamesWhatIsMissing) {
+  options_.input = "/no/such/video.mp4";
+  EXPECT_EQ(Error(), "input /no/such/video.mp4 does not exist");
+  options_.input = folder_.string();
+  EXPECT_EQ(Error(), "input folder " + folder_.string() + " holds no images (jpg, png, bmp, tif, pgm, ppm, webp)");
+  options_.input = Write("noise.mp4", "this is no video");
+  EXPECT_EQ(Error(), "input " + options_.input + " is not a video that can be opened (nor a folder of images)");
+}
+
+TEST_F(RunInputsTest, NamesTheKeyOfTheCameraFile) {
+  options_.camera = Write("camera.yaml", "Camera.fx: 478\nCamera.cx: 400\nCamera.cy: 300\n");
+  EXPECT_EQ(Error(), "camera file " + options_.camera + ": key Camera.fy is missing");
+}
+
+TEST_F(RunInputsTest, WantsATimeForEachFrame) {
+  options_.times = Write("times.txt", "# seconds\n1.0\n2.0\n");
+  EXPECT_EQ(Error(), "times file " + options_.times + " has 2 lines for 172 frames; it needs one for each");
+  options_.times = Write("times.txt", "1.0\nsoon\n");
+  EXPECT_EQ(Error(), "times file " + options_.times + ", line 2: not a number of seconds");
+}
+
+TEST_F(RunInputsTest, NamesAVocabularyThatIsNone) {
+  options_.vocabulary = Write("words.voc", "no vocabulary");
+  EXPECT_NE(Error().find(options_.vocabulary), std::string::npos) << Error();
+}
+
+TEST(ParseFrameRanges, ReadsRangesAndRefusesTheRest) {
+  const auto ranges = ParseFrameRanges("80-120,7,200-240");
+  ASSERT_EQ(ranges.size(), 3u);
+  EXPECT_EQ(ranges[0].first, 80);
+  EXPECT_EQ(ranges[0].last, 120);
+  EXPECT_EQ(ranges[1].first, 7);
+  EXPECT_EQ(ranges[1].last, 7);
+  EXPECT_TRUE(ParseFrameRanges("").empty());
+  for (const char* wrong : {"a", "5-", "-5", "9-3", "1,,2", "1,", "1-2-3", "1 2", "99999999999"}) {
+    EXPECT_NE(Message([&] { ParseFrameRanges(wrong); }), "(no error)") << wrong;
+  }
+}
+
+TEST(OutFolder, RefusesAnEarlierMapAndRemovesOnlyResults) {
+  const fs::path folder = fs::path(testing::TempDir()) / ("out_folder_" + std::to_string(getpid()));
+  fs::create_directories(folder / "submaps/0");
+  std::ofstream(folder / "map.db") << "x";
+  std::ofstream(folder / "notes.txt") << "mine";
+  EXPECT_NE(Message([&] { OutFolder(folder.string(), false, false); }).find("already holds a map.db"), std::string::npos);
+  EXPECT_TRUE(fs::exists(folder / "map.db"));
+  {
+    const OutFolder appended(folder.string(), false, true);
+    EXPECT_TRUE(fs::exists(folder / "map.db"));
+  }
+  const OutFolder replaced(folder.string(), true, false);
+  EXPECT_FALSE(fs::exists(folder / "map.db"));
+  EXPECT_FALSE(fs::exists(folder / "submaps"));
+  EXPECT_TRUE(fs::exists(folder / "notes.txt"));
+  EXPECT_TRUE(fs::exists(folder / "logs"));
+  EXPECT_EQ(Message([&] { OutFolder(folder.string(), true, false); }),
+            "another mapmend is writing into " + folder.string() + "; choose another --out");
+  fs::remove_all(folder);
+}
+
+TEST(OutFolder, NamesAFolderThatCannotBeMade) {
+  EXPECT_EQ(Message([&] { OutFolder("/proc/mapmend", false, false); }).rfind("cannot write to --out /proc/mapmend: ", 0), 0u);
+}
+
+TEST(FindFreePort, NamesTheOptionOfAPortInUse) {
+  SilentServer server;
+  EXPECT_EQ(Message([&] { FindFreePort(server.Port(), true, "--port"); }),
+            "--port " + std::to_string(server.Port()) + ": the port is in use by another program; choose another");
+  EXPECT_NE(FindFreePort(server.Port(), false, "--port"), server.Port());
+  server.Close();
+  EXPECT_EQ(FindFreePort(server.Port(), true, "--port"), server.Port());
+}
+
+TEST(PlanBus, BringsAHubOnlyWhereNoneAnswers) {
+  EXPECT_TRUE(PlanBus("").start_hub);
+  EXPECT_FALSE(PlanBus("udpm://239.255.76.67:7667?ttl=0").start_hub);
+  SilentServer server;
+  const std::string url = "tcpq://127.0.0.1:" + std::to_string(server.Port());
+  EXPECT_NE(Message([&] { PlanBus(url); }).find("is in use by a program that is not an LCM hub"), std::string::npos);
+  server.Close();
+  const BusPlan plan = PlanBus(url);
+  EXPECT_TRUE(plan.start_hub);
+  EXPECT_EQ(plan.hub_port, server.Port());
+  for (const char* wrong : {"tcpq://", "tcpq://127.0.0.1", "tcpq://127.0.0.1:0", "tcpq://127.0.0.1:70000", "tcpq://:7700", "memq://", "x"}) {
+    EXPECT_NE(Message([&] { PlanBus(wrong); }).find("expected tcpq://HOST:PORT"), std::string::npos) << wrong;
+  }
+}
+
+}  // namespace
+}  // namespace mapmend
