@@ -15,6 +15,7 @@
 #include "procs/mapmend/paths.h"
 #include "procs/mapmend/progress.h"
 #include "procs/mapmend/recorder.h"
+#include "procs/mapmend/session_rescue.h"
 
 namespace mapmend {
 namespace {
@@ -103,16 +104,19 @@ int RunFlight(const RunInputs& inputs) {
     }
     const ExitStatus status = *backend.supervisor()->Status("frontend");
     const bool cut_short = status.signal == 0 && status.code == kExitInputCutShort;
-    const std::string complaint = status.Success() ? "" : backend.supervisor()->ErrorLine("frontend");
-    if (!status.Success() && !cut_short) {
-      std::string why = complaint.empty() ? "frontend ended with " + status.Describe() : complaint;
-      if (frontend.counters.contains("frames") && frontend.counters.at("frames") > 0) {
-        why += "; " + options.out + "/map.db holds what was mapped up to there";
-      }
-      throw std::runtime_error(why);
-    }
+    std::string complaint;
     const auto cursor = frontend.cursors.find(session);
-    const int64_t last_seq = cursor == frontend.cursors.end() ? -1 : cursor->second;
+    int64_t last_seq = cursor == frontend.cursors.end() ? -1 : cursor->second;
+    if (!status.Success()) {
+      complaint = backend.supervisor()->ErrorLine("frontend");
+      if (complaint.empty() || status.signal != 0) complaint = "frontend ended with " + status.Describe();
+    }
+    if (!status.Success() && !cut_short) {
+      const auto rescued = CounterOr(&frontend, "frames", 0) > 0 ? RescueSession(&backend, session, options.out + "/outbox") : std::nullopt;
+      if (!rescued) throw std::runtime_error(complaint);
+      last_seq = *rescued;
+      progress.Say(complaint + "; mapping what it has seen");
+    }
     while (!backend.IsFinished(session, last_seq)) {
       const auto* merger = backend.Health("merger");
       char text[100];
@@ -129,11 +133,9 @@ int RunFlight(const RunInputs& inputs) {
     figures.processes = backend.StopAll();
     figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
     progress.Say(FinishRun(options.out, figures));
-    if (cut_short) {
-      std::fprintf(stderr, "mapmend: %s; what could be read is mapped\n", complaint.c_str());
-      return kExitInputCutShort;
-    }
-    return 0;
+    if (complaint.empty()) return 0;
+    std::fprintf(stderr, "mapmend: %s; what could be read is mapped\n", complaint.c_str());
+    return cut_short ? kExitInputCutShort : 1;
   } catch (const Interrupted&) {
     progress.Say("interrupted: " + options.out + "/map.db holds what was mapped so far");
     return kExitInterrupted;

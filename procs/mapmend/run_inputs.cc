@@ -50,7 +50,7 @@ int ProbeVideo(const std::string& path) {
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   cv::VideoCapture video(path, cv::CAP_FFMPEG);
-  if (!video.isOpened()) Fail("input " + path + " is not a video that can be opened (nor a folder of images)");
+  if (!video.isOpened()) Fail("input " + path + " cannot be opened as a video: unknown format, or cut short (an mp4 has its index at its end)");
   if (!video.grab()) Fail("input " + path + ": the video holds no frame that can be decoded");
   const double count = video.get(cv::CAP_PROP_FRAME_COUNT);
   return std::isfinite(count) && count > 0 && count < 1e9 ? static_cast<int>(count) : 0;

@@ -79,9 +79,9 @@ std::string FormatSummaryTable(const std::string& out) {
   row("connections", Format("%d accepted of %zu evaluated", accepted, Size(summary, "connections")));
   row("keyframes", Format("%d of %d in the main map, %d points", Count(summary, "keyframes_in_main"), Count(summary, "keyframes_total"),
                           Count(summary, "points_in_main")));
-  const auto ate = summary.find("ate");
-  if (ate != summary.end() && ate->is_object() && ate->contains("rmse_m")) {
-    row("accuracy", Format("%.3f m ATE RMSE against the ground truth", Number(*ate, "rmse_m")));
+  if (summary.contains("ate_rmse_m")) {
+    row("accuracy", Format("%.3f m ATE RMSE against the ground truth (median %.3f, max %.3f)", Number(summary, "ate_rmse_m"),
+                           Number(summary, "ate_median_m"), Number(summary, "ate_max_m")));
   }
   const double wall = Number(summary, "wall_s");
   std::string time = FormatDuration(wall) + Format(" (%.1f frames/s)", wall > 0 ? frames / wall : 0.0);

@@ -82,7 +82,7 @@ TEST_F(RunInputsTest, NamesWhatIsMissing) {
   options_.input = folder_.string();
   EXPECT_EQ(Error(), "input folder " + folder_.string() + " holds no images (jpg, png, bmp, tif, pgm, ppm, webp)");
   options_.input = Write("noise.mp4", "this is no video");
-  EXPECT_EQ(Error(), "input " + options_.input + " is not a video that can be opened (nor a folder of images)");
+  EXPECT_EQ(Error(), "input " + options_.input + " cannot be opened as a video: unknown format, or cut short (an mp4 has its index at its end)");
 }
 
 TEST_F(RunInputsTest, NamesTheKeyOfTheCameraFile) {
