@@ -164,6 +164,7 @@ SubmapId SyntheticFlight::AddSubmap(const std::vector<Rigid3>& world_from_cam, c
   Append(utime_ += 1000, SubmapStarted{submap});
 
   std::map<int, MapPointId> point_of;                          // terrain -> map point
+  std::map<int, size_t> last_seen;                             // terrain -> keyframe of this submap
   std::map<int, std::pair<KeyframeId, int>> seen_once;         // terrain -> its only observation so far
   std::vector<Rigid3> drifted;                                 // world_from_cam as the tracker believes
   for (size_t k = 0; k < world_from_cam.size(); ++k) {
@@ -181,6 +182,16 @@ SubmapId SyntheticFlight::AddSubmap(const std::vector<Rigid3>& world_from_cam, c
     world_from_keyframe_.push_back(world_from_cam[k]);
     const std::vector<Seen> seen = Observe(world_from_cam[k].Inverse());
     const double local_scale = std::pow(1 + options_.scale_drift, static_cast<double>(k));
+    // A tracker without loop closure does not know ground again that it left a while ago.
+    for (const Seen& s : seen) {
+      if (s.terrain < 0) continue;
+      const auto last = last_seen.find(s.terrain);
+      if (last != last_seen.end() && k - last->second > 3) {
+        point_of.erase(s.terrain);
+        seen_once.erase(s.terrain);
+      }
+      last_seen[s.terrain] = k;
+    }
 
     KeyframeRecord record;
     record.submap = submap;

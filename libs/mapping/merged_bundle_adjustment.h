@@ -1,0 +1,34 @@
+#pragma once
+
+#include "libs/mapping/bundle_adjustment.h"
+#include "libs/mapping/merged_map.h"
+
+namespace mapmend {
+
+struct MergedBundleOptions {
+  BundleOptions bundle;
+  // Points that take part in the joint solution: for each keyframe at least this many of its longest tracks. The others
+  // follow, each fitted to the solved poses. 0: all points take part.
+  int points_per_keyframe = 250;
+  double outlier_squared_error = 9.21;  // sigma^2; observations beyond it are removed after the adjustment
+};
+
+struct MergedBundleSummary {
+  bool success = false;
+  int num_points = 0, num_observations = 0;  // in the joint solution
+  int num_iterations = 0;
+  int num_removed = 0;                       // outlier observations
+  double initial_cost = 0, final_cost = 0;
+};
+
+// Bundle adjustment of a merged map: all poses but keyframe 0, all points. Then outliers are removed, points left with fewer
+// than two observations are culled, and each keyframe's scale is measured anew.
+MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMap* map);
+
+// Fits every point to the poses as they are (Gauss-Newton, Huber); a point that would end behind a camera stays.
+void RefinePoints(MergedMap* map, const std::vector<char>* only = nullptr);
+
+// Sets each keyframe's scale to the median ratio of its points' depths, merged over raw.
+void MeasureScales(MergedMap* map);
+
+}  // namespace mapmend

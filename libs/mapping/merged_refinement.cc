@@ -1,0 +1,173 @@
+#include "libs/mapping/merged_refinement.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <optional>
+#include <set>
+
+#include "libs/geometry/sim3_closed_form.h"
+
+namespace mapmend {
+namespace {
+
+template <typename... Args>
+std::string Format(const char* format, Args... args) {
+  char buffer[256];
+  std::snprintf(buffer, sizeof(buffer), format, args...);
+  return buffer;
+}
+
+// Relations within a submap: the next keyframes and the strongest covisible ones, as tracked.
+void AddSubmapEdges(const MergedMap& map, int submap, std::vector<PoseGraphEdge>* edges) {
+  constexpr int kNext = 2, kMaxCovisible = 5, kMinShared = 30;
+  const Submap& raw = *map.submaps[submap].submap;
+  std::vector<const SubmapKeyframe*> keyframes;
+  for (const auto& [id, keyframe] : raw.keyframes) keyframes.push_back(&keyframe);
+  for (size_t i = 0; i < keyframes.size(); ++i) {
+    std::set<KeyframeId> others;
+    for (size_t j = i + 1; j < keyframes.size() && j <= i + kNext; ++j) others.insert(keyframes[j]->id);
+    int taken = 0;
+    for (const CovisibleKeyframe& c : FindCovisible(raw, *keyframes[i], kMinShared)) {
+      if (taken++ >= kMaxCovisible) break;
+      if (c.keyframe->id > keyframes[i]->id) others.insert(c.keyframe->id);
+    }
+    for (const KeyframeId other : others) {
+      const SubmapKeyframe& b = raw.keyframes.at(other);
+      const double depth = std::max(1e-9, MedianDepth(raw, b));
+      PoseGraphEdge edge;
+      edge.a = map.FindKeyframe(submap, keyframes[i]->id);
+      edge.b = map.FindKeyframe(submap, other);
+      edge.b_from_a = Similarity3(b.cam_from_submap * keyframes[i]->cam_from_submap.Inverse());
+      edge.sigma_rotation = 0.003;
+      edge.sigma_translation = 0.005 * depth;
+      edge.sigma_scale = 0.005;
+      edges->push_back(edge);
+    }
+  }
+}
+
+void AddLinkEdges(const MergedMap& map, const std::vector<RefinementLink>& links, std::vector<PoseGraphEdge>* edges) {
+  for (const RefinementLink& link : links) {
+    const int a = map.FindKeyframe(link.submap_a, link.keyframe_a), b = map.FindKeyframe(link.submap_b, link.keyframe_b);
+    if (a < 0 || b < 0) continue;  // culled since
+    const SubmapKeyframe &ka = *map.keyframes[a].keyframe, &kb = *map.keyframes[b].keyframe;
+    PoseGraphEdge edge;
+    edge.a = a;
+    edge.b = b;
+    edge.b_from_a = Similarity3(kb.cam_from_submap) * link.b_from_a * Similarity3(ka.cam_from_submap.Inverse());
+    edge.sigma_rotation = 0.005;
+    edge.sigma_translation = 0.01 * std::max(1e-9, MedianDepth(*map.submaps[link.submap_b].submap, kb));
+    edge.sigma_scale = 0.01;
+    edge.robust = true;
+    edges->push_back(edge);
+  }
+}
+
+// Best similarity from a raw submap to the merged map, by its points.
+std::optional<Similarity3> FitSubmap(const MergedMap& map, int submap) {
+  std::vector<Eigen::Vector3d> raw, merged;
+  for (const MergedPoint& point : map.points) {
+    if (point.track.empty()) continue;
+    for (const auto& [s, id] : point.members) {
+      if (s != submap) continue;
+      raw.push_back(map.submaps[s].submap->points.at(id).position);
+      merged.push_back(point.position);
+    }
+  }
+  return HornAlignment(raw, merged);
+}
+
+void TransformMap(const Similarity3& new_from_old, MergedMap* map) {
+  for (MergedKeyframe& k : map->keyframes) {
+    k.cam_from_root = TransformWorld(k.cam_from_root, new_from_old);
+    k.scale *= new_from_old.scale;
+  }
+  for (MergedPoint& p : map->points) p.position = new_from_old * p.position;
+}
+
+}  // namespace
+
+std::string MergedRefinementOptions::Check() const {
+  if (radii.empty() || radii.size() != iterations.size()) return "radii and iterations must have the same, positive length";
+  return "";
+}
+
+MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
+                                       const std::vector<Similarity3>& root_from_submap,
+                                       const std::vector<RefinementLink>& links, const MergedRefinementOptions& options,
+                                       const std::function<void(const std::string&)>& progress) {
+  const auto report = [&](const std::string& text) {
+    if (progress) progress(text);
+  };
+  MergedRefinementResult result;
+  MergedRefinementSummary& summary = result.summary;
+  result.map = MakeMergedMap(submaps, root_from_submap);
+  result.root_from_submap = root_from_submap;
+  if (result.map.keyframes.empty() || result.map.points.empty()) {
+    summary.reason = "nothing to refine";
+    return result;
+  }
+  MergedMap map = result.map;
+  const std::vector<MergedKeyframe> tree_keyframes = map.keyframes;
+
+  if (!links.empty()) {
+    std::vector<PoseGraphEdge> edges;
+    for (size_t s = 0; s < submaps.size(); ++s) AddSubmapEdges(map, static_cast<int>(s), &edges);
+    AddLinkEdges(map, links, &edges);
+    std::vector<Similarity3> vertices;
+    for (const MergedKeyframe& k : map.keyframes) vertices.push_back(k.RootFromCam());
+    report(Format("pose graph of %zu keyframes and %zu relations", vertices.size(), edges.size()));
+    summary.pose_graph = OptimizePoseGraph(edges, 0, options.pose_graph, &vertices);
+    if (summary.pose_graph.success) {
+      for (size_t k = 0; k < vertices.size(); ++k) {
+        map.keyframes[k].scale = vertices[k].scale;
+        map.keyframes[k].cam_from_root = Rigid3(vertices[k].rotation, vertices[k].translation).Inverse();
+      }
+      MovePointsWithKeyframes(tree_keyframes, &map);
+    }
+  }
+
+  for (size_t round = 0; round < options.radii.size(); ++round) {
+    OverlapMatchingOptions matching = options.matching;
+    matching.radius = options.radii[round];
+    report(Format("fusion of duplicate points, round %zu of %zu", round + 1, options.radii.size()));
+    summary.fusions.push_back(FuseOverlaps(options.overlap, matching, &map));
+    MergedBundleOptions bundle = options.bundle;
+    bundle.bundle.max_iterations = options.iterations[round];
+    report(Format("bundle adjustment, round %zu of %zu", round + 1, options.radii.size()));
+    summary.bundles.push_back(AdjustMergedMap(bundle, &map));
+    if (!summary.bundles.back().success) {
+      summary.reason = "bundle adjustment failed; the transforms along the tree stand";
+      return result;
+    }
+  }
+
+  // Was it worth it? The same observations, with the poses of the tree.
+  summary.after = MeasureReprojection(map);
+  MergedMap as_before = map;
+  as_before.keyframes = tree_keyframes;
+  MovePointsWithKeyframes(map.keyframes, &as_before);
+  RefinePoints(&as_before);
+  summary.before = MeasureReprojection(as_before);
+  if (summary.after.mean_robust > summary.before.mean_robust) {
+    summary.reason = Format("refinement would raise the reprojection error from %.2f to %.2f px; the tree's transforms stand",
+                            summary.before.median_px, summary.after.median_px);
+    return result;
+  }
+
+  // The frame stays that of the root submap.
+  if (const std::optional<Similarity3> refined_from_root = FitSubmap(map, 0)) {
+    TransformMap(refined_from_root->Inverse(), &map);
+  }
+  for (size_t s = 1; s < submaps.size(); ++s) {
+    if (const auto fit = FitSubmap(map, static_cast<int>(s))) result.root_from_submap[s] = *fit;
+  }
+  result.map = std::move(map);
+  summary.success = true;
+  summary.reason = Format("median reprojection error %.2f px before, %.2f px after, over %d observations",
+                          summary.before.median_px, summary.after.median_px, summary.after.num_observations);
+  return result;
+}
+
+}  // namespace mapmend

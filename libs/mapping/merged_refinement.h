@@ -1,0 +1,57 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "libs/mapping/connected_frames.h"
+#include "libs/mapping/merged_bundle_adjustment.h"
+#include "libs/mapping/overlap_matching.h"
+#include "libs/mapping/sim3_pose_graph.h"
+
+namespace mapmend {
+
+// A verified relation between keyframes of two submaps, or of one (loop closure), for refinement.
+struct RefinementLink {
+  int submap_a = -1, submap_b = -1;  // indices into the list of submaps
+  KeyframeId keyframe_a, keyframe_b;
+  Similarity3 b_from_a;              // between the raw submap frames
+};
+
+struct MergedRefinementOptions {
+  PoseGraphOptions pose_graph;
+  OverlapOptions overlap;
+  OverlapMatchingOptions matching;
+  MergedBundleOptions bundle;
+  // Search radius of each round of fusion and bundle adjustment, pixels: wide while the map is still bent, then narrow.
+  std::vector<double> radii = {16, 8, 5};
+  std::vector<int> iterations = {6, 8, 15};
+
+  std::string Check() const;
+};
+
+struct MergedRefinementSummary {
+  bool success = false;
+  std::string reason;                 // one sentence with numbers
+  PoseGraphSummary pose_graph;
+  std::vector<FusionSummary> fusions;
+  std::vector<MergedBundleSummary> bundles;
+  // All observations of the refined map, measured with the poses from before (points fitted to them) and after.
+  ReprojectionStatistics before, after;
+};
+
+struct MergedRefinementResult {
+  MergedRefinementSummary summary;
+  MergedMap map;                              // of the tree transforms if not successful
+  std::vector<Similarity3> root_from_submap;  // best single similarity of each submap in the refined map
+};
+
+// Refines one component: Sim(3) pose graph over all keyframes with all links, fusion of duplicate points between overlapping
+// keyframes of all submaps, bundle adjustment; repeated with narrowing search. The frame stays that of submap 0. A refinement
+// that does not lower the reprojection error is not taken. progress(text) is called between the stages.
+MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
+                                       const std::vector<Similarity3>& root_from_submap,
+                                       const std::vector<RefinementLink>& links, const MergedRefinementOptions& options,
+                                       const std::function<void(const std::string&)>& progress = {});
+
+}  // namespace mapmend

@@ -1,0 +1,196 @@
+#include "libs/mapping/overlap_matching.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "libs/mapping/guided_projection.h"
+#include "libs/mapping/pose_optimization.h"
+
+namespace mapmend {
+namespace {
+
+bool InImage(const Pinhole& camera, const Eigen::Vector3d& x_cam) {
+  if (!(x_cam.z() > 0)) return false;
+  const Eigen::Vector2d u = camera.Project(x_cam);
+  return u.x() >= 0 && u.y() >= 0 && u.x() < camera.width && u.y() < camera.height;
+}
+
+// Evenly chosen points that a keyframe sees.
+std::vector<Eigen::Vector3d> SamplePoints(const MergedMap& map, int keyframe, int count) {
+  std::vector<int> seen;
+  for (const int p : map.point_of_feature[keyframe]) {
+    if (p >= 0) seen.push_back(p);
+  }
+  std::vector<Eigen::Vector3d> samples;
+  const size_t n = std::min(seen.size(), static_cast<size_t>(count));
+  for (size_t i = 0; i < n; ++i) samples.push_back(map.points[seen[i * seen.size() / n]].position);
+  return samples;
+}
+
+std::vector<PointAppearance> DescribeKeyframe(const MergedMap& map, int keyframe) {
+  const MergedKeyframe& k = map.keyframes[keyframe];
+  std::vector<PointAppearance> appearances;
+  for (int i = 0; i < k.keyframe->features.Size(); ++i) {
+    const int p = map.point_of_feature[keyframe][i];
+    if (p < 0) continue;
+    const Keypoint& keypoint = k.keyframe->features.keypoints[i];
+    const double depth = (k.cam_from_root * map.points[p].position).z();
+    if (!(depth > 0)) continue;
+    appearances.push_back({MapPointId(p), map.points[p].position, k.keyframe->features.descriptors[i], keypoint.octave,
+                           keypoint.angle, map.PyramidOf(keyframe).Scale(keypoint.octave) * depth / map.CameraOf(keyframe).fx,
+                           0});
+  }
+  return appearances;
+}
+
+void MatchOneWay(const MergedMap& map, const FeatureGrid& grid, int source, int target,
+                 const OverlapMatchingOptions& options, std::vector<OverlapMatch>* out) {
+  const MergedKeyframe &s = map.keyframes[source], &t = map.keyframes[target];
+  std::vector<PointAppearance> appearances = DescribeKeyframe(map, source);
+  std::erase_if(appearances, [&](const PointAppearance& a) {
+    const std::vector<TrackElement>& track = map.points[a.id.value].track;
+    const auto at = std::lower_bound(track.begin(), track.end(), TrackElement{target, -1});
+    return at != track.end() && at->keyframe == target;
+  });
+  ProjectionSearchOptions search;
+  search.radius = options.radius;
+  search.max_distance = options.max_distance;
+  search.ratio = options.ratio;
+  search.octave_tolerance = options.octave_tolerance;
+  const Features& features = t.keyframe->features;
+  const ProjectionMatches found =
+      FindByProjection(appearances, {s.cam_from_root.rotation}, Similarity3(t.cam_from_root), map.CameraOf(target),
+                       map.PyramidOf(target), features, grid, search);
+  if (static_cast<int>(found.matches.size()) < options.min_matches) return;
+  std::vector<PoseObservation> observations;
+  for (const ProjectionMatch& m : found.matches) {
+    const Keypoint& keypoint = features.keypoints[m.feature];
+    observations.push_back({appearances[m.appearance].position, keypoint.pixel.cast<double>(),
+                            map.PyramidOf(target).Sigma(keypoint.octave)});
+  }
+  // The source's points carry their own noise on top of the pixel's.
+  PoseOptimizationOptions pose_options;
+  pose_options.outlier_chi2 = 9.21;
+  const PoseOptimizationResult pose = OptimizePose(map.CameraOf(target), t.cam_from_root, observations, pose_options);
+  if (!pose.success || pose.num_inliers < options.min_matches ||
+      pose.num_inliers < options.min_inlier_rate * static_cast<double>(observations.size())) {
+    return;
+  }
+  for (size_t i = 0; i < found.matches.size(); ++i) {
+    if (!pose.inlier[i]) continue;
+    out->push_back({appearances[found.matches[i].appearance].id.value, {target, found.matches[i].feature}});
+  }
+}
+
+}  // namespace
+
+std::vector<OverlappingPair> FindOverlappingPairs(const MergedMap& map, const OverlapOptions& options) {
+  const int n = static_cast<int>(map.keyframes.size());
+  std::vector<int> num_points(n, 0);
+  std::vector<std::map<int, int>> shared(n);  // [a][b], a < b
+  for (const MergedPoint& p : map.points) {
+    for (size_t i = 0; i < p.track.size(); ++i) {
+      ++num_points[p.track[i].keyframe];
+      for (size_t j = i + 1; j < p.track.size(); ++j) ++shared[p.track[i].keyframe][p.track[j].keyframe];
+    }
+  }
+  std::vector<std::vector<Eigen::Vector3d>> samples;
+  for (int k = 0; k < n; ++k) samples.push_back(SamplePoints(map, k, options.num_samples));
+  const auto fraction_inside = [&](int source, int target) {
+    if (samples[source].empty()) return 0.0;
+    int inside = 0;
+    for (const Eigen::Vector3d& x : samples[source]) {
+      inside += InImage(map.CameraOf(target), map.keyframes[target].cam_from_root * x);
+    }
+    return static_cast<double>(inside) / static_cast<double>(samples[source].size());
+  };
+
+  std::vector<std::vector<OverlappingPair>> partners(n);
+  for (int a = 0; a < n; ++a) {
+    for (int b = a + 1; b < n; ++b) {
+      const double forth = fraction_inside(a, b);
+      if (forth < options.min_overlap) continue;
+      const double overlap = std::min(forth, fraction_inside(b, a));
+      if (overlap < options.min_overlap) continue;
+      const auto it = shared[a].find(b);
+      const int num_shared = it == shared[a].end() ? 0 : it->second;
+      const double possible = overlap * std::min(num_points[a], num_points[b]);
+      if (num_shared > options.max_shared_fraction * possible) continue;
+      partners[a].push_back({a, b, overlap, num_shared});
+      partners[b].push_back({a, b, overlap, num_shared});
+    }
+  }
+  std::map<std::pair<int, int>, OverlappingPair> chosen;
+  for (std::vector<OverlappingPair>& list : partners) {
+    std::stable_sort(list.begin(), list.end(),
+                     [](const OverlappingPair& l, const OverlappingPair& r) { return l.overlap > r.overlap; });
+    for (size_t i = 0; i < list.size() && i < static_cast<size_t>(options.max_partners); ++i) {
+      chosen[{list[i].a, list[i].b}] = list[i];
+    }
+  }
+  std::vector<OverlappingPair> pairs;
+  for (const auto& [key, pair] : chosen) pairs.push_back(pair);
+  return pairs;
+}
+
+std::vector<OverlapMatch> MatchOverlappingPair(const MergedMap& map, const std::vector<FeatureGrid>& grids, int a, int b,
+                                               const OverlapMatchingOptions& options) {
+  std::vector<OverlapMatch> matches;
+  MatchOneWay(map, grids[b], a, b, options, &matches);
+  MatchOneWay(map, grids[a], b, a, options, &matches);
+  return matches;
+}
+
+FusionSummary FuseOverlaps(const OverlapOptions& overlap, const OverlapMatchingOptions& matching, MergedMap* map) {
+  FusionSummary summary;
+  std::vector<FeatureGrid> grids;
+  for (size_t k = 0; k < map->keyframes.size(); ++k) {
+    const Pinhole& camera = map->CameraOf(static_cast<int>(k));
+    grids.emplace_back(map->keyframes[k].keyframe->features.keypoints, camera.width, camera.height);
+  }
+  // Votes for the identity of two points, and for a new observation of one.
+  std::map<std::pair<int, int>, int> same;
+  std::map<std::pair<int, TrackElement>, int> seen;
+  for (const OverlappingPair& pair : FindOverlappingPairs(*map, overlap)) {
+    ++summary.num_pairs;
+    const std::vector<OverlapMatch> matches = MatchOverlappingPair(*map, grids, pair.a, pair.b, matching);
+    summary.num_matched_pairs += !matches.empty();
+    for (const OverlapMatch& m : matches) {
+      const int other = map->point_of_feature[m.element.keyframe][m.element.feature];
+      if (other == m.point) continue;
+      if (other >= 0) ++same[std::minmax(m.point, other)];
+      else ++seen[{m.point, m.element}];
+    }
+  }
+  const auto by_votes = [](const auto& votes) {
+    std::vector<std::pair<int, typename std::decay_t<decltype(votes)>::key_type>> ordered;
+    for (const auto& [key, count] : votes) ordered.push_back({count, key});
+    std::stable_sort(ordered.begin(), ordered.end(), [](const auto& l, const auto& r) { return l.first > r.first; });
+    return ordered;
+  };
+  std::vector<int> now(map->points.size());  // where a point has gone
+  for (size_t i = 0; i < now.size(); ++i) now[i] = static_cast<int>(i);
+  const auto find = [&](int p) {
+    while (now[p] != p) p = now[p] = now[now[p]];
+    return p;
+  };
+  for (const auto& [count, pair] : by_votes(same)) {
+    const int a = find(pair.first), b = find(pair.second);
+    if (a == b) continue;
+    const int into = std::min(a, b), from = std::max(a, b);
+    if (FusePoints(into, from, map)) {
+      now[from] = into;
+      ++summary.num_fused;
+    } else {
+      ++summary.num_conflicts;
+    }
+  }
+  for (const auto& [count, key] : by_votes(seen)) {
+    if (AddToTrack(find(key.first), key.second, map)) ++summary.num_added;
+    else ++summary.num_conflicts;
+  }
+  return summary;
+}
+
+}  // namespace mapmend

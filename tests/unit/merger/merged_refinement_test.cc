@@ -1,0 +1,115 @@
+#include "libs/mapping/merged_refinement.h"
+
+#include <gtest/gtest.h>
+
+#include "libs/geometry/sim3_closed_form.h"
+#include "tests/unit/merger/synthetic_flight.h"
+
+namespace mapmend {
+namespace {
+
+using testing::FlightOptions;
+using testing::MakeTerrain;
+using testing::NadirPose;
+using testing::Strip;
+using testing::SyntheticFlight;
+using testing::TerrainPoint;
+
+const std::vector<TerrainPoint>& Terrain() {
+  static const std::vector<TerrainPoint> terrain = MakeTerrain({});
+  return terrain;
+}
+
+// Two strips there and back, side by side.
+std::vector<Rigid3> Survey(const Eigen::Vector2d& from, double length, double spacing, int strips, int per_strip,
+                           std::mt19937_64* random) {
+  std::vector<Rigid3> poses;
+  for (int i = 0; i < strips; ++i) {
+    const double x0 = i % 2 ? from.x() + length : from.x(), x1 = i % 2 ? from.x() : from.x() + length;
+    const double y = from.y() + i * spacing;
+    const auto strip = Strip({x0, y}, {x1, y}, 100, per_strip, i % 2 ? 270 : 90, random);
+    poses.insert(poses.end(), strip.begin(), strip.end());
+  }
+  return poses;
+}
+
+// RMS distance of the merged camera centres from the truth after the best similarity, metres.
+double CenterError(const MergedMap& map, const std::vector<Rigid3>& world_from_keyframe) {
+  std::vector<Eigen::Vector3d> estimated, truth;
+  for (const MergedKeyframe& k : map.keyframes) {
+    estimated.push_back(k.cam_from_root.Center());
+    truth.push_back(world_from_keyframe[k.keyframe->id.value].translation);
+  }
+  const Similarity3 t = *HornAlignment(estimated, truth);
+  double sum = 0;
+  for (size_t i = 0; i < truth.size(); ++i) sum += (t * estimated[i] - truth[i]).squaredNorm();
+  return std::sqrt(sum / static_cast<double>(truth.size()));
+}
+
+TEST(MergedRefinement, MendsDriftAndScaleBetweenSubmaps) {
+  std::mt19937_64 random(21);
+  FlightOptions options;
+  options.scale_drift = 0.002;
+  options.angle_drift_deg = 0.1;
+  SyntheticFlight flight("s", 0, Terrain(), options);
+  const auto frame = [](double s, double a) {
+    return Similarity3(s, Eigen::Quaterniond(Eigen::AngleAxisd(a, Eigen::Vector3d(1, 1, 2).normalized())), {1, 2, 3});
+  };
+  flight.AddSubmap(Survey({100, 100}, 150, 35, 2, 12, &random), frame(0.01, 0.4));
+  flight.AddSubmap(Survey({110, 170}, 150, 35, 2, 12, &random), frame(0.03, -1.4));
+  const Session session = flight.Model();
+  std::vector<SubmapView> views;
+  for (const auto& [id, submap] : session.submaps) {
+    views.push_back({&submap, session.info.pinhole, session.info.pyramid});
+  }
+  // Links as the merger finds them.
+  std::vector<RefinementLink> links;
+  for (const auto& [sa, a, sb, b] : std::vector<std::tuple<int, int, int, int>>{{0, 18, 1, 30}, {0, 14, 1, 34}, {0, 22, 1, 26}}) {
+    const ConnectedFrames c = VerifyConnectedFrames(views[sa], KeyframeId(a), views[sb], KeyframeId(b), {});
+    ASSERT_TRUE(c.success) << c.reason;
+    links.push_back({sa, sb, c.keyframe_a, c.keyframe_b, c.b_from_a});
+  }
+  const std::vector<Similarity3> tree = {Similarity3(), links[0].b_from_a.Inverse()};
+  const double before = CenterError(MakeMergedMap(views, tree), flight.world_from_keyframe());
+  const MergedRefinementResult result = RefineMergedMap(views, tree, links, {});
+  ASSERT_TRUE(result.summary.success) << result.summary.reason;
+  const double after = CenterError(result.map, flight.world_from_keyframe());
+  RecordProperty("before_mm", static_cast<int>(1000 * before));
+  RecordProperty("after_mm", static_cast<int>(1000 * after));
+  EXPECT_GT(before, 1.0);
+  EXPECT_LT(after, 0.12) << result.summary.reason;
+  EXPECT_LT(result.summary.after.median_px, 1.0);
+  EXPECT_GT(result.summary.fusions[0].num_fused, 500);
+
+  // The frame is still that of the root submap, and the single best similarity of the other is near the truth.
+  EXPECT_EQ(ToArray(result.root_from_submap[0]), ToArray(Similarity3()));
+  const Similarity3 truth = flight.submap_from_world()[0] * flight.submap_from_world()[1].Inverse();
+  EXPECT_NEAR(result.root_from_submap[1].scale / truth.scale, 1, 0.05);
+
+  // Bit-identical the second time.
+  const MergedRefinementResult again = RefineMergedMap(views, tree, links, {});
+  for (size_t k = 0; k < result.map.keyframes.size(); ++k) {
+    EXPECT_EQ(ToArray(result.map.keyframes[k].cam_from_root), ToArray(again.map.keyframes[k].cam_from_root));
+  }
+}
+
+TEST(MergedMap, FusionKeepsOneFeaturePerKeyframe) {
+  std::mt19937_64 random(22);
+  SyntheticFlight flight("s", 0, Terrain(), {});
+  flight.AddSubmap(Strip({150, 200}, {180, 200}, 100, 4, 0, &random), Similarity3());
+  const Session session = flight.Model();
+  MergedMap map = MakeMergedMap({{&session.submaps.at(SubmapId(0)), session.info.pinhole, session.info.pyramid}}, {{}});
+  // Two points of one keyframe cannot be the same point.
+  const int a = map.point_of_feature[1][map.points[0].track[1].feature];
+  int b = -1;
+  for (const int p : map.point_of_feature[1]) {
+    if (p >= 0 && p != a) b = p;
+  }
+  ASSERT_EQ(a, 0);
+  ASSERT_GE(b, 0);
+  EXPECT_FALSE(FusePoints(a, b, &map));
+  EXPECT_FALSE(map.points[b].track.empty());
+}
+
+}  // namespace
+}  // namespace mapmend
