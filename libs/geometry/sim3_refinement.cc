@@ -168,7 +168,7 @@ Sim3RefinementResult RefineSim3(const CrossObservations& observations, const Sim
         }
         damping *= 10;
       }
-      if (!improved || gain < 1e-7) break;
+      if (!improved || gain < 1e-6) break;
     }
     // Who belongs to it, now that the transform is better?
     const Similarity3 inverse = t.Inverse();

@@ -37,7 +37,7 @@ CrossObservation MakeObservation(const Eigen::Vector3d& point, const SubmapView&
           target.pyramid.Sigma(keypoint.octave)};
 }
 
-// Two map points believed the same, from all pairs of keyframes of the two windows.
+// Two map points believed the same, from each of the two keyframes with all of the other's window.
 struct PooledMatch {
   MapPointId point_a, point_b;
   int votes = 0, distance = 256;
@@ -54,7 +54,8 @@ std::vector<PooledMatch> MatchWindows(const SubmapView& a, const Window& window_
   std::map<std::pair<MapPointId, MapPointId>, PooledMatch> pooled;
   for (size_t i = 0; i < window_a.size(); ++i) {
     for (size_t j = 0; j < window_b.size(); ++j) {
-      if (masks_a[i].empty() || masks_b[j].empty()) continue;
+      // The pairs of neighbours with neighbours would add cost, and hardly a match.
+      if ((i > 0 && j > 0) || masks_a[i].empty() || masks_b[j].empty()) continue;
       const SubmapKeyframe &ka = *window_a[i], &kb = *window_b[j];
       for (const Match& m :
            MatchByNodes(ka.features, ka.nodes, kb.features, kb.nodes, match_options, masks_a[i], masks_b[j])) {
@@ -109,7 +110,7 @@ struct GuidedMatches {
   int num_visible = 0, num_found = 0;  // in the first keyframe of the window
 };
 
-// Points of the source looked for in the keyframes of the target window.
+// Points of the source looked for in the first keyframes of the target window, as many as there are grids.
 GuidedMatches SearchWindow(const WindowAppearance& source, const Similarity3& target_from_source,
                            const SubmapView& target, const Window& window, const std::vector<FeatureGrid>& grids,
                            double radius, bool same_submap, const ConnectedFramesOptions& options) {
@@ -120,7 +121,7 @@ GuidedMatches SearchWindow(const WindowAppearance& source, const Similarity3& ta
   search.octave_tolerance = options.octave_tolerance;
   search.max_turn = options.max_turn_deg * M_PI / 180;
   GuidedMatches result;
-  for (size_t j = 0; j < window.size(); ++j) {
+  for (size_t j = 0; j < grids.size(); ++j) {
     const SubmapKeyframe& keyframe = *window[j];
     const Similarity3 cam_from_source = Similarity3(keyframe.cam_from_submap) * target_from_source;
     const ProjectionMatches found = FindByProjection(source.points, source.rotations, cam_from_source, target.camera,
@@ -134,6 +135,14 @@ GuidedMatches SearchWindow(const WindowAppearance& source, const Similarity3& ta
     if (j == 0) result.num_visible = found.num_visible;
   }
   return result;
+}
+
+// Evenly chosen elements, at most so many.
+void Thin(size_t max_size, std::vector<CrossMatch>* matches) {
+  if (matches->size() <= max_size) return;
+  std::vector<CrossMatch> kept;
+  for (size_t i = 0; i < max_size; ++i) kept.push_back((*matches)[i * matches->size() / max_size]);
+  *matches = std::move(kept);
 }
 
 // Number of cells of an 8 x 6 grid that hold a feature of one of the matches in this keyframe.
@@ -186,7 +195,7 @@ std::vector<std::pair<MapPointId, MapPointId>> CommonPoints(const ConnectedFrame
 }  // namespace
 
 std::string ConnectedFramesOptions::Check() const {
-  if (window_size < 1) return "window_size must be positive";
+  if (window_size < 1 || num_searched < 1 || max_kept < 1) return "window_size, num_searched, max_kept must be positive";
   if (min_matches < 3) return "min_matches must be 3 or more";
   if (!(search_radius > 0)) return "search_radius must be positive";
   if (!(max_scale >= 1)) return "max_scale must be 1 or more";
@@ -267,10 +276,10 @@ ConnectedFrames VerifyConnectedFrames(const SubmapView& a, KeyframeId keyframe_a
 
   // Guided matching with the transform, refinement on what it finds, twice: the second search is narrower and better aimed.
   const WindowAppearance appearance_a = Describe(a, window_a), appearance_b = Describe(b, window_b);
-  const auto make_grids = [](const SubmapView& view, const Window& window) {
+  const auto make_grids = [&](const SubmapView& view, const Window& window) {
     std::vector<FeatureGrid> grids;
-    for (const SubmapKeyframe* k : window) {
-      grids.emplace_back(k->features.keypoints, view.camera.width, view.camera.height);
+    for (size_t i = 0; i < window.size() && i < static_cast<size_t>(options.num_searched); ++i) {
+      grids.emplace_back(window[i]->features.keypoints, view.camera.width, view.camera.height);
     }
     return grids;
   };
@@ -325,6 +334,8 @@ ConnectedFrames VerifyConnectedFrames(const SubmapView& a, KeyframeId keyframe_a
   const int each_way = static_cast<int>(std::min(result.a_in_b.size(), result.b_in_a.size()));
   const int cells = std::min(CountCells(result.b_in_a, frame_a, a.camera), CountCells(result.a_in_b, frame_b, b.camera));
   const double scale = std::max(b_from_a.scale, 1 / b_from_a.scale);
+  Thin(options.max_kept, &result.a_in_b);
+  Thin(options.max_kept, &result.b_in_a);
   if (each_way < options.min_inliers_each_way) {
     result.reason = Format("%d inliers, but only %d in one of the two directions (%d needed)", result.num_inliers,
                            each_way, options.min_inliers_each_way);

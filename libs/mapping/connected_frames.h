@@ -33,6 +33,7 @@ struct ConnectedFramesOptions {
   double search_radius = 12;   // pixels at octave 0 in the first round, half of it in the second
   int guided_max_distance = 64;
   double guided_ratio = 0.9;
+  int num_searched = 3;        // keyframes of each window that are searched
   int octave_tolerance = 2;    // levels about the predicted one
   double max_turn_deg = 30;    // keypoint orientation against the predicted one
   Sim3RefinementOptions refinement;
@@ -44,6 +45,7 @@ struct ConnectedFramesOptions {
   int min_cells = 5;           // of an 8 x 6 grid, occupied by inliers, in each of the two images
   double max_median_error = 3; // pixels
   double max_scale = 8;        // of the transform, either way
+  int max_kept = 200;          // inliers each way that are kept as evidence, evenly chosen
 
   std::string Check() const;
 };
@@ -60,7 +62,7 @@ struct ConnectedFrames {
   double match_rate = 0;
   double median_error_px = 0;
   double median_angle_rad = 0; // between the rays of the two keyframes to the common points
-  std::vector<CrossMatch> a_in_b, b_in_a;                       // inliers
+  std::vector<CrossMatch> a_in_b, b_in_a;                       // inliers, thinned to max_kept
   std::vector<std::pair<MapPointId, MapPointId>> common_points;  // (a's, b's), ascending, each point at most once
 };
 

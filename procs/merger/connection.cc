@@ -1,0 +1,105 @@
+#include "procs/merger/connection.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <set>
+
+#include "procs/merger/connection_strength.h"
+
+namespace mapmend {
+namespace {
+
+template <typename... Args>
+std::string Format(const char* format, Args... args) {
+  char buffer[320];
+  std::snprintf(buffer, sizeof(buffer), format, args...);
+  return buffer;
+}
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Median error (pixels) of observations under a transform that was not estimated from them.
+double MedianError(const CrossObservations& observations, const Similarity3& b_from_a) {
+  const Similarity3 a_from_b = b_from_a.Inverse();
+  std::vector<double> errors;
+  for (const CrossObservation& o : observations.a_in_b) errors.push_back(o.sigma * std::sqrt(SquaredError(o, b_from_a)));
+  for (const CrossObservation& o : observations.b_in_a) errors.push_back(o.sigma * std::sqrt(SquaredError(o, a_from_b)));
+  return errors.empty() ? std::numeric_limits<double>::infinity() : Median(std::move(errors));
+}
+
+}  // namespace
+
+void EstimateConnection(const SubmapView& a, const SubmapView& b, const ConnectionOptions& options, Connection* c) {
+  c->num_connected_frames = c->num_common_points = c->num_inliers = 0;
+  c->median_angle_deg = c->strength = c->median_error_px = 0;
+  c->agrees.assign(c->evidence.size(), 0);
+  c->verdict = Connection::Verdict::kRejected;
+  if (c->evidence.empty()) {
+    c->reason = Format("none of %d proposed pairs of keyframes holds; best: ", c->num_candidates) + c->best_failure.reason;
+    return;
+  }
+
+  // The evidence with which most inliers agree leads.
+  std::vector<CrossObservations> observations;
+  for (const ConnectedFrames& e : c->evidence) observations.push_back(ResolveMatches(a, b, e.a_in_b, e.b_in_a));
+  size_t leader = 0;
+  int best_support = -1;
+  std::vector<char> agrees;
+  for (size_t i = 0; i < c->evidence.size(); ++i) {
+    std::vector<char> with_i(c->evidence.size(), 0);
+    int support = 0;
+    for (size_t j = 0; j < c->evidence.size(); ++j) {
+      with_i[j] = i == j || MedianError(observations[j], c->evidence[i].b_from_a) <= options.max_disagreement_px;
+      if (with_i[j]) support += c->evidence[j].num_inliers;
+    }
+    if (support > best_support) {
+      best_support = support;
+      leader = i;
+      agrees = with_i;
+    }
+  }
+  c->agrees = agrees;
+
+  CrossObservations all;
+  std::set<std::pair<MapPointId, MapPointId>> common;
+  std::vector<double> angles;
+  for (size_t i = 0; i < c->evidence.size(); ++i) {
+    if (!agrees[i]) continue;
+    const ConnectedFrames& e = c->evidence[i];
+    all.a_in_b.insert(all.a_in_b.end(), observations[i].a_in_b.begin(), observations[i].a_in_b.end());
+    all.b_in_a.insert(all.b_in_a.end(), observations[i].b_in_a.begin(), observations[i].b_in_a.end());
+    common.insert(e.common_points.begin(), e.common_points.end());
+    angles.push_back(e.median_angle_rad * 180 / M_PI);
+    ++c->num_connected_frames;
+  }
+  // Drift bends submaps, so that no single similarity fits all evidence to a pixel: the robust loss finds the compromise.
+  Sim3RefinementOptions refinement = options.refinement;
+  refinement.max_squared_error = options.drift_squared_error;
+  const Sim3RefinementResult refined = RefineSim3(all, c->evidence[leader].b_from_a, refinement);
+  c->b_from_a = refined.success ? refined.b_from_a : c->evidence[leader].b_from_a;
+  c->information = refined.success ? refined.information : c->evidence[leader].information;
+  c->num_inliers = refined.success ? refined.num_inliers : c->evidence[leader].num_inliers;
+  c->median_error_px = refined.success ? refined.median_error_px : c->evidence[leader].median_error_px;
+  c->num_common_points = static_cast<int>(common.size());
+  c->median_angle_deg = std::min(Median(angles), kMaxUsefulAngleDeg);
+  c->strength = ConnectionStrength(c->num_connected_frames, c->num_common_points, c->median_angle_deg);
+  if (c->strength < options.min_strength) {
+    c->reason = Format("strength %.1f is below %.1f", c->strength, options.min_strength);
+    return;
+  }
+  c->verdict = Connection::Verdict::kAccepted;
+  c->reason = Format("%d connected frames (of %d looked at) with %d common map points, scale %.3f, median error %.2f px",
+                     c->num_connected_frames, c->num_candidates, c->num_common_points, c->b_from_a.scale,
+                     c->median_error_px);
+  const int set_aside = static_cast<int>(c->evidence.size()) - c->num_connected_frames;
+  if (set_aside > 0) c->reason += Format("; %d more contradict it and are set aside", set_aside);
+}
+
+}  // namespace mapmend

@@ -1,0 +1,18 @@
+#include "procs/merger/merger_process.h"
+
+namespace {
+
+int Run(int argc, char** argv) {
+  CLI::App app("Connects the submaps of all sessions on the bus, places them in one frame, and refines the merged map");
+  mapmend::MergerProcessOptions options;
+  mapmend::AddProcessOptions(&app, &options.process);
+  app.add_option("--vocabulary", options.vocabulary, "vocabulary file; sessions made with another one are refused");
+  app.add_option("--seed", options.seed, "seed of every random choice")->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  mapmend::ApplyLogLevel(options.process);
+  return mapmend::RunMergerProcess(options);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) { return mapmend::RunMain("merger", Run, argc, argv); }

@@ -1,0 +1,248 @@
+#include "procs/merger/merger.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "libs/geometry/sim3_closed_form.h"
+#include "tests/unit/merger/synthetic_flight.h"
+
+namespace mapmend {
+namespace {
+
+using testing::CopyPatch;
+using testing::FlightOptions;
+using testing::MakeTerrain;
+using testing::Strip;
+using testing::SyntheticFlight;
+using testing::TerrainPoint;
+
+const std::vector<TerrainPoint>& Terrain() {
+  static const std::vector<TerrainPoint> terrain = MakeTerrain({});
+  return terrain;
+}
+
+// Retrieval by brute force over all records up to the cursors.
+class BruteForceBow : public BowSource {
+ public:
+  explicit BruteForceBow(std::vector<Record> records) : records_(std::move(records)) {}
+
+  std::vector<BowProposal> Query(const BowQuestion& question) override {
+    const KeyframeRecord* query = nullptr;
+    for (const Record& r : records_) {
+      const auto* k = std::get_if<KeyframeRecord>(&r.body);
+      if (k && r.header.session == question.session && k->keyframe == question.keyframe) query = k;
+    }
+    std::vector<BowProposal> proposals;
+    for (const Record& r : records_) {
+      const auto* k = std::get_if<KeyframeRecord>(&r.body);
+      if (!k) continue;
+      const auto cursor = std::find_if(question.cursors.begin(), question.cursors.end(),
+                                       [&](const MergerCursor& c) { return c.session == r.header.session; });
+      if (cursor == question.cursors.end() || r.header.seq > cursor->seq) continue;
+      const bool same = r.header.session == question.session && k->submap == query->submap;
+      if (same && (!question.same_submap || std::abs(k->keyframe.value - question.keyframe.value) < 6)) continue;
+      const double score = BowScore(query->bow, k->bow);
+      if (score > 0.05) proposals.push_back({r.header.session, k->submap, k->keyframe, score});
+    }
+    std::stable_sort(proposals.begin(), proposals.end(),
+                     [](const BowProposal& l, const BowProposal& r) { return l.group_score > r.group_score; });
+    if (static_cast<int>(proposals.size()) > question.max_results) proposals.resize(question.max_results);
+    ++num_queries_;
+    return proposals;
+  }
+  int num_queries() const { return num_queries_; }
+
+ private:
+  std::vector<Record> records_;
+  int num_queries_ = 0;
+};
+
+struct Recorder : MergerOutput {
+  void OnConnection(const Connection& c) override { connections.push_back(c); }
+  void OnTransforms(const MergedTransforms& t) override { transforms.push_back(t); }
+  void OnRevision(const MergedTransforms& t, const std::vector<Connection>& c,
+                  const std::vector<RefinedSubmap>& s) override {
+    revision = t;
+    final_connections = c;
+    submaps = s;
+  }
+  void OnProgress(const std::string& what) override { progress.push_back(what); }
+
+  std::vector<Connection> connections, final_connections;
+  std::vector<MergedTransforms> transforms;
+  MergedTransforms revision;
+  std::vector<std::string> progress;
+  std::vector<RefinedSubmap> submaps;
+};
+
+Similarity3 Frame(double scale, double angle) {
+  return {scale, Eigen::Quaterniond(Eigen::AngleAxisd(angle, Eigen::Vector3d(1, 2, -1).normalized())),
+          Eigen::Vector3d(3, -2, 7)};
+}
+
+// Three submaps: 0 and 1 cross at 90 degrees, 2 lies apart from 0 and crosses 1.
+SyntheticFlight ThreeCrossingStrips() {
+  std::mt19937_64 random(31);
+  SyntheticFlight flight("11111111-0000-0000-0000-000000000000", 1000, Terrain(), {});
+  flight.AddSubmap(Strip({100, 100}, {240, 100}, 100, 8, 90, &random), Frame(0.02, 0.3));
+  flight.AddSubmap(Strip({170, 80}, {170, 320}, 100, 12, 0, &random), Frame(0.05, -0.9));
+  flight.AddSubmap(Strip({240, 290}, {100, 290}, 100, 8, 270, &random), Frame(0.01, 2.0));
+  flight.End();
+  return flight;
+}
+
+double MergedError(const Recorder& out, const std::vector<Rigid3>& world_from_keyframe) {
+  std::vector<Eigen::Vector3d> estimated, truth;
+  for (const RefinedSubmap& s : out.submaps) {
+    for (const RefinedSubmap::Keyframe& k : s.keyframes) {
+      estimated.push_back(k.cam_from_root.Center());
+      truth.push_back(world_from_keyframe[k.id.value].translation);
+    }
+  }
+  const Similarity3 t = *HornAlignment(estimated, truth);
+  double sum = 0;
+  for (size_t i = 0; i < truth.size(); ++i) sum += (t * estimated[i] - truth[i]).squaredNorm();
+  return std::sqrt(sum / static_cast<double>(truth.size()));
+}
+
+TEST(Merger, JoinsCrossingSubmapsIntoOneRefinedMap) {
+  const SyntheticFlight flight = ThreeCrossingStrips();
+  BruteForceBow bow(flight.records());
+  Recorder out;
+  Merger merger({}, &bow, &out);
+  for (const Record& r : flight.records()) ASSERT_EQ(merger.Consume(r), "");
+  // Joined live already, before the end.
+  ASSERT_FALSE(out.transforms.empty());
+  EXPECT_EQ(out.transforms.back().edges.size(), 2u);
+  EXPECT_FALSE(out.transforms.back().is_final);
+
+  ASSERT_TRUE(merger.AllEnded());
+  merger.Finalize();
+  EXPECT_TRUE(out.revision.is_final);
+  EXPECT_TRUE(out.revision.refined);
+  ASSERT_EQ(out.revision.submaps.size(), 3u);
+  for (const auto& place : out.revision.submaps) EXPECT_EQ(place.component, 0);
+  EXPECT_TRUE(out.revision.submaps[0].is_root);
+  EXPECT_LT(MergedError(out, flight.world_from_keyframe()), 0.25);
+  // Submaps 0 and 2 do not share ground: no edge between them, and none of the true ones has a wrong scale.
+  for (const Connection& c : out.final_connections) {
+    const int a = c.a.submap.value, b = c.b.submap.value;
+    if (c.verdict != Connection::Verdict::kAccepted) continue;
+    EXPECT_FALSE(a == 0 && b == 2);
+    const Similarity3 truth = flight.submap_from_world()[b] * flight.submap_from_world()[a].Inverse();
+    EXPECT_NEAR(c.b_from_a.scale / truth.scale, 1, 0.02);
+    EXPECT_GT(c.num_common_points, 20);
+    EXPECT_GT(c.strength, 5);
+  }
+  // Every part lists its keyframes, and duplicates were fused.
+  size_t fused = 0;
+  for (const RefinedSubmap& s : out.submaps) {
+    EXPECT_FALSE(s.keyframes.empty());
+    fused += s.fused.size();
+  }
+  EXPECT_GT(fused, 100u) << out.progress.back();
+}
+
+TEST(Merger, TransformsPublishedBeforeStayPutWhenASubmapJoins) {
+  const SyntheticFlight flight = ThreeCrossingStrips();
+  BruteForceBow bow(flight.records());
+  Recorder out;
+  Merger merger({}, &bow, &out);
+  for (const Record& r : flight.records()) merger.Consume(r);
+  for (const MergedTransforms& t : out.transforms) {
+    EXPECT_EQ(ToArray(t.submaps[0].root_from_submap), ToArray(Similarity3()));
+  }
+  int64_t last = -1;
+  for (const MergedTransforms& t : out.transforms) {
+    EXPECT_GT(t.revision, last);
+    last = t.revision;
+  }
+}
+
+TEST(Merger, IsAPureFunctionOfTheStream) {
+  const SyntheticFlight flight = ThreeCrossingStrips();
+  Recorder first, second;
+  for (Recorder* out : {&first, &second}) {
+    BruteForceBow bow(flight.records());
+    Merger merger({}, &bow, out);
+    for (const Record& r : flight.records()) merger.Consume(r);
+    merger.Finalize();
+  }
+  ASSERT_EQ(first.submaps.size(), second.submaps.size());
+  for (size_t s = 0; s < first.submaps.size(); ++s) {
+    ASSERT_EQ(first.submaps[s].points.size(), second.submaps[s].points.size());
+    for (size_t i = 0; i < first.submaps[s].points.size(); ++i) {
+      EXPECT_EQ(first.submaps[s].points[i].position, second.submaps[s].points[i].position);
+    }
+    for (size_t i = 0; i < first.submaps[s].keyframes.size(); ++i) {
+      EXPECT_EQ(ToArray(first.submaps[s].keyframes[i].cam_from_root), ToArray(second.submaps[s].keyframes[i].cam_from_root));
+    }
+  }
+}
+
+TEST(Merger, TwoSessionsJoinWhateverTheOrderOfArrival) {
+  std::mt19937_64 random(41);
+  SyntheticFlight first("aaaa", 5000, Terrain(), {});
+  first.AddSubmap(Strip({100, 100}, {240, 100}, 100, 7, 90, &random), Frame(0.02, 0.3));
+  first.End();
+  FlightOptions other_camera;
+  other_camera.camera = {420, 425, 300, 260, 600, 500};
+  other_camera.seed = 77;
+  SyntheticFlight second("bbbb", 1000, Terrain(), other_camera);  // began earlier
+  second.AddSubmap(Strip({170, 60}, {170, 180}, 110, 7, 0, &random), Frame(0.05, -0.9));
+  second.End();
+  std::vector<Record> all = first.records();
+  all.insert(all.end(), second.records().begin(), second.records().end());
+
+  std::vector<Recorder> outs(2);
+  for (int order = 0; order < 2; ++order) {
+    BruteForceBow bow(all);
+    Merger merger({}, &bow, &outs[order]);
+    for (const Record& r : (order ? second : first).records()) ASSERT_EQ(merger.Consume(r), "");
+    for (const Record& r : (order ? first : second).records()) ASSERT_EQ(merger.Consume(r), "");
+    merger.Finalize();
+    ASSERT_EQ(outs[order].revision.edges.size(), 1u);
+    EXPECT_EQ(outs[order].revision.submaps[0].key.session, "bbbb");  // the older one is the root
+  }
+  EXPECT_EQ(ToArray(outs[0].revision.submaps[1].root_from_submap), ToArray(outs[1].revision.submaps[1].root_from_submap));
+  EXPECT_EQ(outs[0].revision.revision, outs[1].revision.revision);
+}
+
+TEST(Merger, UnrelatedFlightsStayApartWithAReason) {
+  std::mt19937_64 random(51);
+  SyntheticFlight flight("s", 0, Terrain(), {});
+  flight.AddSubmap(Strip({70, 70}, {150, 70}, 100, 5, 90, &random), Frame(0.02, 0.3));
+  flight.AddSubmap(Strip({250, 320}, {330, 320}, 100, 5, 90, &random), Frame(0.03, 0.1));
+  flight.End();
+  BruteForceBow bow(flight.records());
+  Recorder out;
+  Merger merger({}, &bow, &out);
+  for (const Record& r : flight.records()) merger.Consume(r);
+  merger.Finalize();
+  EXPECT_TRUE(out.revision.edges.empty());
+  EXPECT_NE(out.revision.submaps[0].component, out.revision.submaps[1].component);
+  for (const Connection& c : out.final_connections) {
+    EXPECT_EQ(c.verdict, Connection::Verdict::kRejected);
+    EXPECT_NE(c.reason.find("needed"), std::string::npos) << c.reason;
+  }
+}
+
+TEST(Merger, AnEdgeSwitchedOffByHandStaysOff) {
+  const SyntheticFlight flight = ThreeCrossingStrips();
+  BruteForceBow bow(flight.records());
+  Recorder out;
+  Merger merger({}, &bow, &out);
+  for (const Record& r : flight.records()) merger.Consume(r);
+  const std::string session = flight.records()[0].header.session;
+  merger.SetDisabled({{{session, SubmapId(0)}, {session, SubmapId(1)}}});
+  EXPECT_EQ(out.transforms.back().edges.size(), 1u);
+  merger.Finalize();
+  EXPECT_EQ(out.revision.edges.size(), 1u);
+  EXPECT_NE(out.revision.submaps[0].component, out.revision.submaps[1].component);
+  merger.SetDisabled({});
+  EXPECT_EQ(out.transforms.back().edges.size(), 2u);
+}
+
+}  // namespace
+}  // namespace mapmend
