@@ -1,0 +1,59 @@
+#include "procs/frontend/frame_maker.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+namespace mapmend {
+namespace {
+
+// Mean absolute Laplacian on a small image: falls when the image is blurred by motion.
+double Sharpness(const cv::Mat& grey) {
+  cv::Mat small, laplacian;
+  cv::resize(grey, small, {}, 0.5, 0.5, cv::INTER_AREA);
+  cv::Laplacian(small, laplacian, CV_16S);
+  return cv::norm(laplacian, cv::NORM_L1) / static_cast<double>(laplacian.total());
+}
+
+}  // namespace
+
+FramePtr FrameMaker::Make(const SourceImage& image) const {
+  cv::Mat pixels = *image.pixels;
+  if (scale_ != 1.0) cv::resize(pixels, pixels, {camera_.width, camera_.height}, 0, 0, cv::INTER_AREA);
+  if (pixels.cols != camera_.width || pixels.rows != camera_.height) {
+    throw std::runtime_error("frame " + std::to_string(image.index) + " has " + std::to_string(pixels.cols) + " x " +
+                             std::to_string(pixels.rows) + " pixels, the camera file says " +
+                             std::to_string(camera_.width) + " x " + std::to_string(camera_.height));
+  }
+  cv::Mat grey = pixels;
+  if (pixels.channels() == 3) cv::cvtColor(pixels, grey, cv::COLOR_BGR2GRAY);
+  if (pixels.channels() == 4) cv::cvtColor(pixels, grey, cv::COLOR_BGRA2GRAY);
+  auto frame = std::make_shared<Frame>();
+  frame->index = image.index;
+  frame->utime = image.utime;
+  frame->mean_brightness = cv::mean(grey)[0];
+  frame->sharpness = Sharpness(grey);
+  RawFeatures raw = extractor_.Extract(grey);
+  std::vector<Eigen::Vector2f> distorted;
+  for (const Keypoint& k : raw.keypoints) {
+    distorted.push_back(k.pixel);
+    const int x = std::clamp(static_cast<int>(std::lround(k.pixel.x())), 0, pixels.cols - 1);
+    const int y = std::clamp(static_cast<int>(std::lround(k.pixel.y())), 0, pixels.rows - 1);
+    const uint8_t* p = pixels.ptr<uint8_t>(y) + x * pixels.channels();
+    if (pixels.channels() == 1) {
+      frame->features.colors.push_back({*p, *p, *p});
+    } else {
+      frame->features.colors.push_back({p[2], p[1], p[0]});
+    }
+  }
+  const std::vector<Eigen::Vector2f> undistorted = camera_.Undistort(distorted);
+  for (size_t i = 0; i < undistorted.size(); ++i) raw.keypoints[i].pixel = undistorted[i];
+  frame->features.keypoints = std::move(raw.keypoints);
+  frame->features.descriptors = std::move(raw.descriptors);
+  frame->grid = FeatureGrid(frame->features.keypoints, camera_.width, camera_.height);
+  return frame;
+}
+
+}  // namespace mapmend

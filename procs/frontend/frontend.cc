@@ -1,0 +1,308 @@
+#include "procs/frontend/frontend.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "libs/retrieval/vocabulary.h"
+
+namespace mapmend {
+namespace {
+
+constexpr double kMaxTimeRatio = 2.5;  // the motion model does not reach over longer gaps
+constexpr double kDark = 12;           // mean grey level
+constexpr double kBlurred = 0.4;       // sharpness, of the last good frames'
+
+// cam_from_submap after time_ratio times the motion from before to last.
+Rigid3 Extrapolate(const Rigid3& before, const Rigid3& last, double time_ratio) {
+  const Rigid3 motion = last * before.Inverse();
+  const Eigen::Quaterniond turn = Eigen::Quaterniond::Identity().slerp(time_ratio, motion.rotation);
+  return Rigid3(turn, time_ratio * motion.translation) * last;
+}
+
+}  // namespace
+
+Frontend::Frontend(const FrontendOptions& options, const Pinhole& camera, const Pyramid& pyramid,
+                   const Vocabulary* vocabulary, Emit emit)
+    : options_(options),
+      camera_(camera),
+      pyramid_(pyramid),
+      vocabulary_(vocabulary),
+      emit_(std::move(emit)),
+      initializer_(options.initializer, camera, pyramid),
+      tracker_(options.tracker, camera, pyramid),
+      mapper_(options.mapper, camera, pyramid) {}
+
+FrameOutcome Frontend::ProcessFrame(const FramePtr& frame) {
+  frame->points.assign(frame->features.Size(), -1);
+  return map_ ? TrackFrame(frame) : Initialise(frame);
+}
+
+FrameOutcome Frontend::Initialise(const FramePtr& frame) {
+  FrameOutcome outcome;
+  const Initialization initialization = initializer_.AddFrame(frame);
+  outcome.reason = initialization.reason;
+  if (initialization.success && StartSubmap(initialization)) {
+    outcome.state = FrontendState::kTracking;
+    outcome.method = "initialised";
+    outcome.keyframe = true;
+    outcome.submap = map_->Id();
+    outcome.cam_from_submap = frame->cam_from_submap;
+    outcome.num_inliers = static_cast<int>(initialization.points.size());
+  }
+  return outcome;
+}
+
+bool Frontend::StartSubmap(const Initialization& initialization) {
+  const IdSource ids_before = ids_;
+  auto map = std::make_unique<WorkingMap>(SubmapId(ids_.next_submap), pyramid_, &ids_);
+  const FramePtr &first = initialization.first, &second = initialization.second;
+  first->points.assign(first->features.Size(), -1);
+  second->points.assign(second->features.Size(), -1);
+  first->cam_from_submap = Rigid3();
+  second->cam_from_submap = initialization.second_from_first;
+  const int k0 = map->AddKeyframe(first), k1 = map->AddKeyframe(second);
+  for (const InitialPoint& p : initialization.points) {
+    const int point = map->AddPoint(p.position, k0);
+    map->AddObservation(point, k0, p.first_feature);
+    map->AddObservation(point, k1, p.second_feature);
+    map->RefreshPoint(point);
+  }
+  mapper_.AdjustAll(map.get());
+  if (map->NumPoints() < options_.initializer.min_points) {
+    ids_ = ids_before;
+    return false;
+  }
+  ++ids_.next_submap;
+  map_ = std::move(map);
+  confirmed_ = false;
+  frames_since_start_ = 0;
+  lost_frames_ = 0;
+  lost_.clear();
+  first_unpublished_keyframe_ = 0;
+  tracked_frames_.clear();
+  NoteFrame(*first, k0);
+  NoteFrame(*second, k1);
+  last_keyframe_ = last_reference_ = k1;
+  before_last_frame_ = nullptr;
+  last_frame_ = second;
+  // Frames between the two, then those before the first, backwards: they saw the same ground.
+  std::vector<FramePtr> before, between;
+  bool past_first = false;
+  for (const FramePtr& f : initializer_.Frames()) {
+    if (f == first) past_first = true;
+    else if (f != second) (past_first ? between : before).push_back(f);
+  }
+  for (const FramePtr& f : between) {
+    const TrackResult result = tracker_.Track(std::nullopt, {k0, k1}, map_.get(), f.get());
+    if (result.success) NoteFrame(*f, result.reference_keyframe);
+  }
+  std::reverse(before.begin(), before.end());
+  int hint = k0;
+  for (const FramePtr& f : before) {
+    const TrackResult result = tracker_.Track(std::nullopt, {hint}, map_.get(), f.get());
+    if (!result.success) break;
+    if (NeedsKeyframe(*f, result)) {
+      hint = map_->AddKeyframe(f);
+      mapper_.Process(hint, map_.get());
+      NoteFrame(*f, hint);
+    } else {
+      NoteFrame(*f, result.reference_keyframe);
+    }
+  }
+  last_keyframe_ = k1;
+  return true;
+}
+
+std::optional<Rigid3> Frontend::Predict(int64_t utime) const {
+  if (!last_frame_ || !before_last_frame_) return std::nullopt;
+  const double dt = static_cast<double>(last_frame_->utime - before_last_frame_->utime);
+  const double ahead = static_cast<double>(utime - last_frame_->utime);
+  if (dt <= 0 || ahead <= 0 || ahead > kMaxTimeRatio * dt) return std::nullopt;
+  return Extrapolate(before_last_frame_->cam_from_submap, last_frame_->cam_from_submap, ahead / dt);
+}
+
+FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
+  FrameOutcome outcome;
+  outcome.submap = map_->Id();
+  std::vector<int> hints = {last_reference_};
+  const auto add_hint = [&](int k) {
+    if (k >= 0 && !map_->Keyframe(k).removed && std::find(hints.begin(), hints.end(), k) == hints.end()) hints.push_back(k);
+  };
+  add_hint(last_keyframe_);
+  add_hint(last_keyframe_ - 1);
+  add_hint(last_keyframe_ - 2);
+  const TrackResult result = tracker_.Track(lost_frames_ == 0 ? Predict(frame->utime) : std::nullopt, hints, map_.get(), frame.get());
+  if (result.success) {
+    outcome.state = FrontendState::kTracking;
+    outcome.method = result.method;
+    outcome.num_inliers = result.num_inliers;
+    outcome.cam_from_submap = frame->cam_from_submap;
+    before_last_frame_ = lost_frames_ == 0 ? last_frame_ : nullptr;
+    last_frame_ = frame;
+    last_reference_ = result.reference_keyframe;
+    ++frames_since_start_;
+    // Frames that failed before this one may be seen from here.
+    std::reverse(lost_.begin(), lost_.end());
+    for (const FramePtr& f : lost_) {
+      const TrackResult again = tracker_.Track(std::nullopt, {last_reference_, last_keyframe_}, map_.get(), f.get());
+      if (again.success) NoteFrame(*f, again.reference_keyframe);
+    }
+    lost_.clear();
+    lost_frames_ = 0;
+    if (NeedsKeyframe(*frame, result)) {
+      InsertKeyframe(frame);
+      outcome.keyframe = true;
+      outcome.cam_from_submap = frame->cam_from_submap;
+    } else {
+      NoteFrame(*frame, result.reference_keyframe);
+    }
+    if (!confirmed_ && frames_since_start_ >= options_.confirm_frames) {
+      confirmed_ = true;
+      initializer_.Clear();
+      Publish(frame->utime);
+    }
+    return outcome;
+  }
+
+  outcome.state = FrontendState::kLost;
+  outcome.reason = frame->mean_brightness < kDark ? "darkness"
+                   : last_frame_ && frame->sharpness < kBlurred * last_frame_->sharpness ? "blur"
+                                                                                         : result.reason;
+  last_failure_ = outcome.reason;
+  ++lost_frames_;
+  lost_.push_back(frame);
+  if (!confirmed_) {
+    AbandonSubmap();
+    return Initialise(frame);
+  }
+  if (lost_frames_ == 1) initializer_.Clear();
+  // A new submap is begun while the old one may still be found again: whichever succeeds first wins.
+  const Initialization initialization = initializer_.AddFrame(frame);
+  if (lost_frames_ < options_.max_lost_frames) return outcome;
+  if (initialization.success || lost_frames_ >= options_.max_lost_frames + options_.relocalisation_frames) {
+    CloseSubmap(last_failure_, std::to_string(lost_frames_) + " consecutive frames without orientation");
+    if (initialization.success && StartSubmap(initialization)) {
+      outcome.state = FrontendState::kTracking;
+      outcome.method = "initialised";
+      outcome.keyframe = true;
+      outcome.submap = map_->Id();
+      outcome.cam_from_submap = frame->cam_from_submap;
+    }
+  }
+  return outcome;
+}
+
+bool Frontend::NeedsKeyframe(const Frame& frame, const TrackResult& result) const {
+  const int reference = result.reference_keyframe;
+  const Frame& key = *map_->Keyframe(reference).frame;
+  int total = 0, seen = 0;
+  std::vector<double> shifts;
+  for (const int p : key.points) total += p >= 0;
+  std::vector<std::pair<int, int>> by_point;  // point, feature of the keyframe
+  for (size_t i = 0; i < key.points.size(); ++i) {
+    if (key.points[i] >= 0) by_point.emplace_back(key.points[i], static_cast<int>(i));
+  }
+  std::sort(by_point.begin(), by_point.end());
+  for (size_t i = 0; i < frame.points.size(); ++i) {
+    if (frame.points[i] < 0) continue;
+    const auto it = std::lower_bound(by_point.begin(), by_point.end(), std::pair(frame.points[i], -1));
+    if (it == by_point.end() || it->first != frame.points[i]) continue;
+    ++seen;
+    shifts.push_back((frame.features.keypoints[i].pixel - key.features.keypoints[it->second].pixel).norm());
+  }
+  if (total == 0 || shifts.empty()) return true;
+  const double ratio = static_cast<double>(seen) / total;
+  if (ratio < options_.keyframe_ratio) return true;
+  std::nth_element(shifts.begin(), shifts.begin() + shifts.size() / 2, shifts.end());
+  return ratio < 0.9 && shifts[shifts.size() / 2] > options_.keyframe_motion * camera_.width;
+}
+
+void Frontend::InsertKeyframe(const FramePtr& frame) {
+  last_keyframe_ = map_->AddKeyframe(frame);
+  last_reference_ = last_keyframe_;
+  mapper_.Process(last_keyframe_, map_.get());
+  NoteFrame(*frame, last_keyframe_);
+  Publish(frame->utime);
+}
+
+void Frontend::NoteFrame(const Frame& frame, int reference_keyframe) {
+  const WorkingKeyframe& reference = map_->Keyframe(reference_keyframe);
+  tracked_frames_.push_back(
+      {frame.index, frame.utime, reference.id, frame.cam_from_submap * reference.frame->cam_from_submap.Inverse()});
+  ++num_tracked_;
+}
+
+void Frontend::AbandonSubmap() {
+  num_tracked_ -= static_cast<int>(tracked_frames_.size());
+  tracked_frames_.clear();
+  ids_.next_submap = map_->Id().value;
+  // The same pair of frames must not begin the same mistake again.
+  const FramePtr first = map_->Keyframe(0).frame;
+  map_.reset();
+  std::deque<FramePtr> frames = initializer_.Frames();
+  const auto at = std::find(frames.begin(), frames.end(), first);
+  if (at != frames.end() && at + 1 != frames.end()) initializer_.DropBefore(*(at + 1));
+  last_frame_ = before_last_frame_ = nullptr;
+  lost_frames_ = 0;
+  lost_.clear();
+}
+
+void Frontend::CloseSubmap(const std::string& reason, const std::string& detail) {
+  const int64_t utime = last_frame_->utime;
+  Publish(utime);
+  emit_(utime, SubmapEnded{map_->Id(), reason, detail, last_frame_->index, utime});
+  ++num_losses_;
+  map_.reset();
+  last_frame_ = before_last_frame_ = nullptr;
+  lost_frames_ = 0;
+  lost_.clear();
+}
+
+void Frontend::Publish(int64_t utime) {
+  if (!confirmed_) return;
+  if (first_unpublished_keyframe_ == 0) emit_(map_->Keyframe(0).frame->utime, SubmapStarted{map_->Id()});
+  for (; first_unpublished_keyframe_ <= map_->LastKeyframe(); ++first_unpublished_keyframe_) {
+    const int k = first_unpublished_keyframe_;
+    const WorkingKeyframe& keyframe = map_->Keyframe(k);
+    if (keyframe.removed) continue;
+    KeyframeRecord record;
+    record.submap = map_->Id();
+    record.keyframe = keyframe.id;
+    record.frame = keyframe.frame->index;
+    record.cam_from_submap = keyframe.frame->cam_from_submap;
+    record.features = keyframe.frame->features;
+    record.map_points = map_->PublishedPoints(k);
+    if (vocabulary_ != nullptr) {
+      BowTransform transform = vocabulary_->Transform(record.features);
+      record.words = std::move(transform.words);
+      record.nodes = std::move(transform.nodes);
+      record.bow = std::move(transform.bow);
+    } else {
+      record.words.assign(record.features.Size(), -1);
+      record.nodes.assign(record.features.Size(), -1);
+    }
+    map_->MarkPublished(k);
+    emit_(keyframe.frame->utime, std::move(record));
+  }
+  MapUpdate update = map_->TakeUpdate();
+  update.frames = std::move(tracked_frames_);
+  tracked_frames_.clear();
+  if (update.keyframes.empty() && update.points.empty() && update.observations.empty() && update.removed_keyframes.empty() &&
+      update.removed_points.empty() && update.frames.empty()) {
+    return;
+  }
+  emit_(utime, std::move(update));
+}
+
+void Frontend::Finish() {
+  if (!map_) return;
+  if (!confirmed_) {
+    AbandonSubmap();
+    return;
+  }
+  const int losses = num_losses_;
+  CloseSubmap("end_of_input", "the input ended");
+  num_losses_ = losses;
+}
+
+}  // namespace mapmend

@@ -1,0 +1,97 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "libs/geometry/camera.h"
+#include "libs/mapping/records.h"
+#include "procs/frontend/initializer.h"
+#include "procs/frontend/local_mapper.h"
+#include "procs/frontend/tracker.h"
+
+namespace mapmend {
+
+class Vocabulary;
+
+struct FrontendOptions {
+  InitializerOptions initializer;
+  TrackerOptions tracker;
+  LocalMapperOptions mapper;
+  int max_lost_frames = 3;          // consecutive frames without orientation: the submap is closed (paper §3.2)
+  int relocalisation_frames = 10;   // further frames in which the submap may be found again before it is closed
+  double keyframe_ratio = 0.75;     // new keyframe when less of the reference keyframe's points are seen
+  double keyframe_motion = 0.06;    // or when the view has moved by this share of the image width (and ratio < 0.9)
+  int max_frames_between_keyframes = 30;
+  int confirm_frames = 2;           // frames that must be tracked in a new submap before it is believed
+};
+
+enum class FrontendState { kInitialising, kTracking, kLost };
+
+struct FrameOutcome {
+  FrontendState state = FrontendState::kInitialising;
+  std::string method;               // how tracking succeeded
+  std::string reason;               // or why not
+  int num_inliers = 0;
+  bool keyframe = false;
+  SubmapId submap;
+  Rigid3 cam_from_submap;
+};
+
+// Tracking, mapping and the life of submaps (paper §3.1, §3.2), without input or transport: frames go in in order, records of
+// the stream come out through emit. Deterministic: equal frames and options give equal records.
+class Frontend {
+ public:
+  using Emit = std::function<void(int64_t utime, RecordBody body)>;
+  // vocabulary may be null: then keyframes carry no words (for tests and tools). It must outlive the frontend.
+  Frontend(const FrontendOptions& options, const Pinhole& camera, const Pyramid& pyramid, const Vocabulary* vocabulary,
+           Emit emit);
+
+  FrameOutcome ProcessFrame(const FramePtr& frame);
+  // Closes the current submap at the end of the input.
+  void Finish();
+
+  int NumSubmaps() const { return ids_.next_submap; }
+  int NumKeyframes() const { return ids_.next_keyframe; }
+  int NumTracked() const { return num_tracked_; }
+  int NumLosses() const { return num_losses_; }
+
+ private:
+  FrameOutcome Initialise(const FramePtr& frame);
+  FrameOutcome TrackFrame(const FramePtr& frame);
+  bool StartSubmap(const Initialization& initialization);
+  bool NeedsKeyframe(const Frame& frame, const TrackResult& result) const;
+  void InsertKeyframe(const FramePtr& frame);
+  void CloseSubmap(const std::string& reason, const std::string& detail);
+  void AbandonSubmap();
+  void NoteFrame(const Frame& frame, int reference_keyframe);
+  void Publish(int64_t utime);
+  std::optional<Rigid3> Predict(int64_t utime) const;
+
+  FrontendOptions options_;
+  Pinhole camera_;
+  Pyramid pyramid_;
+  const Vocabulary* vocabulary_;
+  Emit emit_;
+  Initializer initializer_;
+  Tracker tracker_;
+  LocalMapper mapper_;
+  IdSource ids_;
+
+  std::unique_ptr<WorkingMap> map_;
+  bool confirmed_ = false;
+  int frames_since_start_ = 0;
+  int lost_frames_ = 0;
+  std::vector<FramePtr> lost_;               // frames that failed since the last success
+  std::string last_failure_;
+  FramePtr last_frame_, before_last_frame_;  // tracked ones
+  int last_keyframe_ = -1;
+  int last_reference_ = -1;
+  int first_unpublished_keyframe_ = 0;
+  std::vector<TrackedFrame> tracked_frames_;  // not yet published
+  int num_tracked_ = 0, num_losses_ = 0;
+};
+
+}  // namespace mapmend

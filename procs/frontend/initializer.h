@@ -1,0 +1,62 @@
+#pragma once
+
+#include <deque>
+#include <string>
+#include <vector>
+
+#include "libs/geometry/camera.h"
+#include "libs/mapping/records.h"
+#include "procs/frontend/frame.h"
+
+namespace mapmend {
+
+struct InitializerOptions {
+  int max_buffered_frames = 60;      // frames kept since the loss
+  int min_matches = 60;
+  int min_points = 50;
+  double min_median_angle_deg = 1.5; // between the rays to the points
+  double min_motion = 0.02;          // median shift of matches, of the image width: less is not worth a trial
+  double ambiguity_ratio = 0.8;      // a second, different motion with this share of the best one's points: ambiguous
+  double max_sigma = 2.4477;         // reprojection error of an inlier, in sigma of its octave
+  uint64_t seed = 1;
+};
+
+struct InitialPoint {
+  int first_feature = -1, second_feature = -1;
+  Eigen::Vector3d position;  // in the frame of the first camera; median depth 1
+};
+
+struct Initialization {
+  bool success = false;
+  std::string reason;        // if not: too_few_matches, no_parallax, ambiguous
+  FramePtr first, second;
+  Rigid3 second_from_first;
+  std::vector<InitialPoint> points;
+};
+
+// Starts a submap from two views of the same ground. Frames since the loss are kept; each new one is tried against the oldest
+// that still shares enough features. All decompositions of a homography (planar scenes, nadir views) and of an essential
+// matrix compete: each is refined by bundle adjustment on all matches, and the winner is accepted only if no other, truly
+// different motion explains nearly as much.
+class Initializer {
+ public:
+  Initializer(const InitializerOptions& options, const Pinhole& camera, const Pyramid& pyramid)
+      : options_(options), camera_(camera), pyramid_(pyramid) {}
+
+  Initialization AddFrame(const FramePtr& frame);
+  void Clear() { frames_.clear(); }
+  // Frames since the loss, oldest first.
+  const std::deque<FramePtr>& Frames() const { return frames_; }
+  // Forgets all frames before this one.
+  void DropBefore(const FramePtr& frame);
+
+ private:
+  Initialization Try(const FramePtr& first, const FramePtr& second) const;
+
+  InitializerOptions options_;
+  Pinhole camera_;
+  Pyramid pyramid_;
+  std::deque<FramePtr> frames_;
+};
+
+}  // namespace mapmend

@@ -1,0 +1,392 @@
+#include "procs/frontend/local_mapper.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "libs/geometry/triangulation.h"
+#include "libs/mapping/bundle_adjustment.h"
+#include "libs/mapping/pose_optimization.h"
+
+namespace mapmend {
+namespace {
+
+std::vector<int> PointsOfKeyframe(const WorkingMap& map, int keyframe) {
+  std::set<int> points;
+  for (const int p : map.Keyframe(keyframe).frame->points) {
+    if (p >= 0) points.insert(p);
+  }
+  return {points.begin(), points.end()};
+}
+
+bool InImage(const Pinhole& camera, const Eigen::Vector2d& pixel) {
+  return pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < camera.width && pixel.y() < camera.height;
+}
+
+// Distance of a pixel from the line through p0 and p1, and whether it lies beside the segment (with some slack at the ends).
+bool NearSegment(const Eigen::Vector2d& pixel, const Eigen::Vector2d& p0, const Eigen::Vector2d& p1, double limit) {
+  const Eigen::Vector2d direction = p1 - p0;
+  const double length = direction.norm();
+  if (length < 1e-6) return (pixel - p0).norm() < limit;
+  const Eigen::Vector2d d = (pixel - p0);
+  const double along = d.dot(direction) / length;
+  const double across = std::abs(d.x() * direction.y() - d.y() * direction.x()) / length;
+  return across < limit && along > -limit && along < length + limit;
+}
+
+}  // namespace
+
+void LocalMapper::Process(int keyframe, WorkingMap* map) const {
+  CullRecentPoints(keyframe, map);
+  for (const int p : PointsOfKeyframe(*map, keyframe)) map->RefreshPoint(p);
+  std::vector<int> neighbours;
+  for (const Covisible& c : map->CovisibleKeyframes(keyframe, options_.min_covisible)) {
+    if (static_cast<int>(neighbours.size()) >= options_.num_neighbours) break;
+    neighbours.push_back(c.keyframe);
+  }
+  FuseWithOverlapping(keyframe, neighbours, map);
+  Triangulate(keyframe, neighbours, map);
+  // Fuse with the neighbours and with theirs.
+  std::vector<int> targets = neighbours;
+  std::set<int> seen(neighbours.begin(), neighbours.end());
+  seen.insert(keyframe);
+  for (size_t i = 0; i < std::min<size_t>(5, neighbours.size()); ++i) {
+    int added = 0;
+    for (const Covisible& c : map->CovisibleKeyframes(neighbours[i], 2 * options_.min_covisible)) {
+      if (added >= 5) break;
+      if (seen.insert(c.keyframe).second) targets.push_back(c.keyframe), ++added;
+    }
+  }
+  const std::vector<int> own = PointsOfKeyframe(*map, keyframe);
+  for (const int k : targets) FuseInto(k, own, options_.fuse_radius_px, map);
+  std::set<int> theirs;
+  for (const int k : targets) {
+    for (const int p : PointsOfKeyframe(*map, k)) theirs.insert(p);
+  }
+  FuseInto(keyframe, {theirs.begin(), theirs.end()}, options_.fuse_radius_px, map);
+  for (const int p : PointsOfKeyframe(*map, keyframe)) map->RefreshPoint(p);
+  AdjustLocal(keyframe, map);
+}
+
+void LocalMapper::CullRecentPoints(int keyframe, WorkingMap* map) const {
+  for (size_t i = 0; i < map->Points().size(); ++i) {
+    const WorkingPoint& point = map->Points()[i];
+    if (point.removed) continue;
+    const int age = keyframe - point.first_keyframe;
+    if (age > 3 || age < 1) continue;
+    const bool rarely_found = point.found < 0.25 * point.visible;
+    const bool not_confirmed = age >= 3 && point.observations.size() <= 2;
+    if (rarely_found || not_confirmed) map->RemovePoint(static_cast<int>(i));
+  }
+}
+
+void LocalMapper::Triangulate(int keyframe, const std::vector<int>& neighbours, WorkingMap* map) const {
+  const Frame& frame = *map->Keyframe(keyframe).frame;
+  std::vector<double> depths;
+  for (const int p : frame.points) {
+    if (p >= 0) depths.push_back((frame.cam_from_submap * map->Point(p).position).z());
+  }
+  if (depths.size() < 10) return;
+  std::sort(depths.begin(), depths.end());
+  const double near = 0.5 * depths[depths.size() / 20], far = 2.5 * depths[depths.size() * 19 / 20];
+  for (const int neighbour : neighbours) {
+    const double baseline =
+        (map->Keyframe(neighbour).frame->cam_from_submap.Center() - frame.cam_from_submap.Center()).norm();
+    if (baseline < 0.01 * depths[depths.size() / 2]) continue;
+    TriangulateWith(keyframe, neighbour, near, far, map);
+  }
+}
+
+int LocalMapper::TriangulateWith(int keyframe, int neighbour, double near, double far, WorkingMap* map) const {
+  const Frame& a = *map->Keyframe(keyframe).frame;
+  const Frame& b = *map->Keyframe(neighbour).frame;
+  const Rigid3 b_from_a = b.cam_from_submap * a.cam_from_submap.Inverse();
+  const Eigen::Matrix3d R = b_from_a.rotation.toRotationMatrix();
+  const double max_cosine = std::cos(options_.min_angle_deg * M_PI / 180);
+  struct Candidate {
+    int distance, feature;
+    Eigen::Vector3d position;
+  };
+  std::map<int, Candidate> claimed;  // by feature of b
+  for (int i = 0; i < a.features.Size(); ++i) {
+    if (a.points[i] >= 0) continue;
+    const Keypoint& keypoint = a.features.keypoints[i];
+    const Eigen::Vector3d ray = camera_.Unproject(keypoint.pixel.cast<double>());
+    const Eigen::Vector3d rotated = R * ray;
+    const Eigen::Vector3d x0 = near * rotated + b_from_a.translation, x1 = far * rotated + b_from_a.translation;
+    if (x0.z() <= 1e-3 || x1.z() <= 1e-3) continue;
+    const Eigen::Vector2d p0 = camera_.Project(x0), p1 = camera_.Project(x1);
+    const Eigen::Vector2d middle = 0.5 * (p0 + p1);
+    const double reach = std::max(std::abs(p0.x() - p1.x()), std::abs(p0.y() - p1.y())) / 2 + 4;
+    if (reach > camera_.width || !middle.allFinite()) continue;
+    int best = -1, best_distance = options_.max_distance + 1, second = 257;
+    b.grid.VisitNear(middle.cast<float>(), static_cast<float>(reach), [&](int j) {
+      if (b.points[j] >= 0) return;
+      const Keypoint& other = b.features.keypoints[j];
+      const double limit = 1.96 * pyramid_.Sigma(other.octave);
+      if (!NearSegment(other.pixel.cast<double>(), p0, p1, limit)) return;
+      const int distance = HammingDistance(a.features.descriptors[i], b.features.descriptors[j]);
+      if (distance < best_distance) {
+        second = best_distance;
+        best_distance = distance;
+        best = j;
+      } else if (distance < second) {
+        second = distance;
+      }
+    });
+    if (best < 0 || best_distance >= options_.ratio * second) continue;
+    const Keypoint& other = b.features.keypoints[best];
+    const auto x = mapmend::Triangulate(ray, camera_.Unproject(other.pixel.cast<double>()), b_from_a);
+    if (!x || x->z() < near || x->z() > far) continue;
+    if (CosIntersectionAngle(*x, Eigen::Vector3d::Zero(), b_from_a.Center()) > max_cosine) continue;
+    const double chi2_a = ReprojectionChi2(camera_, {}, *x, keypoint.pixel.cast<double>(), pyramid_.Sigma(keypoint.octave));
+    const double chi2_b = ReprojectionChi2(camera_, b_from_a, *x, other.pixel.cast<double>(), pyramid_.Sigma(other.octave));
+    if (chi2_a > options_.outlier_chi2 || chi2_b > options_.outlier_chi2) continue;
+    // The patch sizes must agree with the distances.
+    const double by_distance = (b_from_a * *x).norm() / x->norm();
+    const double by_octave = pyramid_.Scale(keypoint.octave) / pyramid_.Scale(other.octave);
+    constexpr double kScaleSlack = 1.8;
+    if (by_distance > by_octave * kScaleSlack || by_distance * kScaleSlack < by_octave) continue;
+    const auto it = claimed.find(best);
+    if (it == claimed.end() || best_distance < it->second.distance) claimed[best] = {best_distance, i, *x};
+  }
+  const Rigid3 submap_from_a = a.cam_from_submap.Inverse();
+  for (const auto& [feature_b, candidate] : claimed) {
+    const int point = map->AddPoint(submap_from_a * candidate.position, keyframe);
+    map->AddObservation(point, neighbour, feature_b);
+    map->AddObservation(point, keyframe, candidate.feature);
+    map->RefreshPoint(point);
+  }
+  return static_cast<int>(claimed.size());
+}
+
+int LocalMapper::FuseInto(int keyframe, const std::vector<int>& points, double radius_px, WorkingMap* map) const {
+  const Frame& frame = *map->Keyframe(keyframe).frame;
+  const Eigen::Vector3d center = frame.cam_from_submap.Center();
+  const std::set<int> own(frame.points.begin(), frame.points.end());
+  static const std::vector<uint8_t> kNoneUsed;
+  int count = 0;
+  for (const int index : points) {
+    const WorkingPoint& point = map->Point(index);
+    if (point.removed || own.contains(index)) continue;
+    const Eigen::Vector3d x = frame.cam_from_submap * point.position;
+    if (x.z() <= 0) continue;
+    const Eigen::Vector2d pixel = camera_.Project(x);
+    if (!InImage(camera_, pixel)) continue;
+    const Eigen::Vector3d to_camera = center - point.position;
+    const double distance = to_camera.norm();
+    if (to_camera.dot(point.normal) < 0.5 * distance) continue;
+    const int octave = map->PredictOctave(point, distance);
+    GuidedSearch search;
+    search.radius = static_cast<float>(radius_px * pyramid_.Scale(octave));
+    search.min_octave = octave - 1;
+    search.max_octave = octave + 1;
+    search.max_distance = options_.max_distance;
+    search.ratio = 1.0;
+    const Match match = FindNear(frame.features, frame.grid, pixel.cast<float>(), point.descriptor, search, kNoneUsed);
+    if (match.b < 0) continue;
+    const Keypoint& keypoint = frame.features.keypoints[match.b];
+    if (ReprojectionChi2(camera_, frame.cam_from_submap, point.position, keypoint.pixel.cast<double>(),
+                         pyramid_.Sigma(keypoint.octave)) > 2 * options_.outlier_chi2) {
+      continue;
+    }
+    const int existing = frame.points[match.b];
+    if (existing < 0) {
+      map->AddObservation(index, keyframe, match.b);
+    } else if (map->Point(existing).observations.size() > point.observations.size()) {
+      map->FusePoints(index, existing);
+    } else {
+      map->FusePoints(existing, index);
+    }
+    ++count;
+  }
+  return count;
+}
+
+// Survey flights come back beside their own strips: keyframes far away in time see the same ground, with a little drift.
+// Their points are projected with a wider window; if enough of them agree on a small correction, they are the same points.
+void LocalMapper::FuseWithOverlapping(int keyframe, const std::vector<int>& neighbours, WorkingMap* map) const {
+  const Frame& frame = *map->Keyframe(keyframe).frame;
+  std::vector<double> depths;
+  for (const int p : frame.points) {
+    if (p >= 0) depths.push_back((frame.cam_from_submap * map->Point(p).position).z());
+  }
+  if (depths.empty()) return;
+  std::nth_element(depths.begin(), depths.begin() + depths.size() / 2, depths.end());
+  const double depth = depths[depths.size() / 2];
+  const Eigen::Vector3d center = frame.cam_from_submap.Center();
+  const Eigen::Vector3d axis = frame.cam_from_submap.rotation.conjugate() * Eigen::Vector3d::UnitZ();
+  const Eigen::Vector3d looked_at = center + depth * axis;
+  std::set<int> known(neighbours.begin(), neighbours.end());
+  struct Overlapping {
+    double offset;
+    int keyframe;
+  };
+  std::vector<Overlapping> candidates;
+  for (int k = 0; k < keyframe; ++k) {
+    if (map->Keyframe(k).removed || known.contains(k)) continue;
+    const Rigid3& other = map->Keyframe(k).frame->cam_from_submap;
+    const Eigen::Vector3d x = other * looked_at;
+    const Eigen::Vector3d other_axis = other.rotation.conjugate() * Eigen::Vector3d::UnitZ();
+    if (x.z() < 0.3 * depth || x.z() > 3 * depth || other_axis.dot(axis) < 0.7) continue;
+    const double offset = (camera_.Project(x) - Eigen::Vector2d(camera_.cx, camera_.cy)).norm();
+    if (offset < 0.6 * camera_.width) candidates.push_back({offset, k});
+  }
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const Overlapping& a, const Overlapping& b) { return a.offset < b.offset; });
+  if (static_cast<int>(candidates.size()) > options_.max_overlapping_keyframes) {
+    candidates.resize(options_.max_overlapping_keyframes);
+  }
+  std::set<int> own(frame.points.begin(), frame.points.end());
+  std::set<int> points;
+  for (const Overlapping& c : candidates) {
+    for (const int p : PointsOfKeyframe(*map, c.keyframe)) {
+      if (!own.contains(p)) points.insert(p);
+    }
+  }
+  if (points.size() < 30) return;
+  struct Pair {
+    int point, feature;
+  };
+  std::vector<Pair> pairs;
+  std::vector<PoseObservation> observations;
+  static const std::vector<uint8_t> kNoneUsed;
+  for (const int index : points) {
+    const WorkingPoint& point = map->Point(index);
+    const Eigen::Vector3d x = frame.cam_from_submap * point.position;
+    if (x.z() <= 0) continue;
+    const Eigen::Vector2d pixel = camera_.Project(x);
+    if (!InImage(camera_, pixel)) continue;
+    const int octave = map->PredictOctave(point, (center - point.position).norm());
+    GuidedSearch search;
+    search.radius = static_cast<float>(options_.overlap_radius * camera_.width);
+    search.min_octave = octave - 1;
+    search.max_octave = octave + 1;
+    search.max_distance = options_.max_distance;
+    search.ratio = 0.8;
+    const Match match = FindNear(frame.features, frame.grid, pixel.cast<float>(), point.descriptor, search, kNoneUsed);
+    if (match.b < 0) continue;
+    const Keypoint& keypoint = frame.features.keypoints[match.b];
+    pairs.push_back({index, match.b});
+    observations.push_back({point.position, keypoint.pixel.cast<double>(), pyramid_.Sigma(keypoint.octave)});
+  }
+  constexpr int kMinAgreeing = 25;
+  if (static_cast<int>(observations.size()) < kMinAgreeing) return;
+  const PoseOptimizationResult agreed = OptimizePose(camera_, frame.cam_from_submap, observations, {});
+  if (!agreed.success || agreed.num_inliers < kMinAgreeing || agreed.num_inliers * 5 < static_cast<int>(pairs.size()) * 2) {
+    return;
+  }
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    if (!agreed.inlier[i] || map->Point(pairs[i].point).removed) continue;
+    const int existing = frame.points[pairs[i].feature];
+    if (existing < 0) {
+      map->AddObservation(pairs[i].point, keyframe, pairs[i].feature);
+    } else if (existing != pairs[i].point) {
+      // The older point stays: it is held by the strip that is finished.
+      map->FusePoints(existing, pairs[i].point);
+    }
+  }
+}
+
+void LocalMapper::AdjustLocal(int keyframe, WorkingMap* map) const {
+  std::vector<int> free = {keyframe};
+  for (const Covisible& c : map->CovisibleKeyframes(keyframe, options_.min_covisible)) {
+    if (static_cast<int>(free.size()) >= options_.bundle_keyframes) break;
+    free.push_back(c.keyframe);
+  }
+  std::set<int> inside(free.begin(), free.end());
+  std::map<int, int> outside;  // keyframe -> shared points
+  std::set<int> points;
+  for (const int k : free) {
+    for (const int p : PointsOfKeyframe(*map, k)) points.insert(p);
+  }
+  for (const int p : points) {
+    for (const WorkingObservation& o : map->Point(p).observations) {
+      if (!inside.contains(o.keyframe)) ++outside[o.keyframe];
+    }
+  }
+  std::vector<std::pair<int, int>> by_weight;  // (-shared, keyframe)
+  for (const auto& [k, shared] : outside) by_weight.emplace_back(-shared, k);
+  std::sort(by_weight.begin(), by_weight.end());
+  std::vector<int> fixed;
+  for (size_t i = 0; i < by_weight.size() && i < static_cast<size_t>(options_.bundle_fixed_keyframes); ++i) {
+    fixed.push_back(by_weight[i].second);
+  }
+  // With fewer than two fixed keyframes the oldest free ones hold frame and scale.
+  std::sort(free.begin(), free.end());
+  while (fixed.size() < 2 && free.size() > 1) {
+    fixed.push_back(free.front());
+    free.erase(free.begin());
+  }
+  Adjust(free, fixed, options_.bundle_iterations, map);
+}
+
+void LocalMapper::AdjustAll(WorkingMap* map) const {
+  std::vector<int> free, fixed;
+  for (int k = 0; k <= map->LastKeyframe(); ++k) {
+    if (map->Keyframe(k).removed) continue;
+    (fixed.empty() ? fixed : free).push_back(k);
+  }
+  Adjust(free, fixed, 20, map);
+}
+
+void LocalMapper::Adjust(const std::vector<int>& free_keyframes, const std::vector<int>& fixed_keyframes, int iterations,
+                         WorkingMap* map) const {
+  BundleProblem problem;
+  problem.cameras = {camera_};
+  std::map<int, int> pose_of;
+  std::vector<int> keyframe_of;
+  const auto add_pose = [&](int k, bool fixed) {
+    pose_of[k] = static_cast<int>(problem.poses.size());
+    keyframe_of.push_back(k);
+    problem.poses.push_back({map->Keyframe(k).frame->cam_from_submap, fixed, 0});
+  };
+  std::set<int> points;
+  for (const int k : free_keyframes) {
+    add_pose(k, false);
+    for (const int p : PointsOfKeyframe(*map, k)) points.insert(p);
+  }
+  for (const int k : fixed_keyframes) add_pose(k, true);
+  struct Source {
+    int point, keyframe;
+  };
+  std::vector<Source> sources;
+  std::vector<int> point_of;
+  for (const int p : points) {
+    const WorkingPoint& point = map->Point(p);
+    const int slot = static_cast<int>(problem.points.size());
+    const size_t begin = problem.observations.size();
+    for (const WorkingObservation& o : point.observations) {
+      const auto pose = pose_of.find(o.keyframe);
+      if (pose == pose_of.end()) continue;
+      const Keypoint& keypoint = map->Keyframe(o.keyframe).frame->features.keypoints[o.feature];
+      problem.observations.push_back({pose->second, slot, keypoint.pixel.cast<double>(), pyramid_.Sigma(keypoint.octave)});
+      sources.push_back({p, o.keyframe});
+    }
+    if (problem.observations.size() - begin < 2) {  // says nothing about the poses
+      problem.observations.resize(begin);
+      sources.resize(begin);
+      continue;
+    }
+    problem.points.push_back(point.position);
+    point_of.push_back(p);
+  }
+  BundleOptions bundle_options;
+  bundle_options.max_iterations = iterations;
+  if (!AdjustBundle(bundle_options, &problem).success) return;
+  for (size_t i = 0; i < problem.poses.size(); ++i) {
+    if (!problem.poses[i].fixed) map->SetPose(keyframe_of[i], problem.poses[i].cam_from_world);
+  }
+  for (size_t i = 0; i < point_of.size(); ++i) map->SetPosition(point_of[i], problem.points[i]);
+  for (size_t i = 0; i < problem.observations.size(); ++i) {
+    const BundleObservation& o = problem.observations[i];
+    const double chi2 = ReprojectionChi2(camera_, problem.poses[o.pose].cam_from_world, problem.points[o.point], o.pixel, o.sigma);
+    if (chi2 > options_.outlier_chi2 && !map->Point(sources[i].point).removed) {
+      map->RemoveObservation(sources[i].point, sources[i].keyframe);
+    }
+  }
+  for (const int p : point_of) map->RefreshPoint(p);
+}
+
+}  // namespace mapmend

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <vector>
+
+#include "libs/geometry/camera.h"
+#include "procs/frontend/working_map.h"
+
+namespace mapmend {
+
+struct LocalMapperOptions {
+  int num_neighbours = 10;            // keyframes to triangulate and fuse with
+  int min_covisible = 15;             // shared points of a neighbour
+  double min_angle_deg = 1.0;         // between the rays of a new point
+  int max_distance = 60;              // bits
+  double ratio = 0.85;
+  double fuse_radius_px = 3;
+  int max_overlapping_keyframes = 6;  // searched by place, though they share no points yet (strips side by side)
+  double overlap_radius = 0.02;       // search radius there, of the image width
+  int bundle_keyframes = 12;          // optimised by local bundle adjustment
+  int bundle_fixed_keyframes = 20;    // that hold it in place
+  int bundle_iterations = 8;
+  double outlier_chi2 = 5.991;
+};
+
+// What happens to the map when a keyframe joins: new points are triangulated with its neighbours, duplicates fused, the
+// neighbourhood bundle adjusted, bad points culled. Runs in one thread, so that equal input gives equal maps.
+class LocalMapper {
+ public:
+  LocalMapper(const LocalMapperOptions& options, const Pinhole& camera, const Pyramid& pyramid)
+      : options_(options), camera_(camera), pyramid_(pyramid) {}
+
+  void Process(int keyframe, WorkingMap* map) const;
+  // Bundle adjustment of all keyframes, for a submap that has just begun.
+  void AdjustAll(WorkingMap* map) const;
+
+ private:
+  void CullRecentPoints(int keyframe, WorkingMap* map) const;
+  void Triangulate(int keyframe, const std::vector<int>& neighbours, WorkingMap* map) const;
+  int TriangulateWith(int keyframe, int neighbour, double near, double far, WorkingMap* map) const;
+  // Projects points into a keyframe; adds observations or fuses with what is there. Returns how many.
+  int FuseInto(int keyframe, const std::vector<int>& points, double radius_px, WorkingMap* map) const;
+  void FuseWithOverlapping(int keyframe, const std::vector<int>& neighbours, WorkingMap* map) const;
+  void Adjust(const std::vector<int>& free_keyframes, const std::vector<int>& fixed_keyframes, int iterations,
+              WorkingMap* map) const;
+  void AdjustLocal(int keyframe, WorkingMap* map) const;
+
+  LocalMapperOptions options_;
+  Pinhole camera_;
+  Pyramid pyramid_;
+};
+
+}  // namespace mapmend

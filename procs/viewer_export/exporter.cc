@@ -1,0 +1,142 @@
+#include "procs/viewer_export/exporter.h"
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <stdexcept>
+#include <system_error>
+#include <vector>
+
+#include "libs/geometry/write_file.h"
+#include "procs/viewer_export/graph_export.h"
+#include "procs/viewer_export/ply_export.h"
+#include "procs/viewer_export/report.h"
+#include "procs/viewer_export/summary.h"
+#include "procs/viewer_export/trajectory_picture.h"
+
+namespace mapmend {
+namespace {
+
+namespace fs = std::filesystem;
+
+void MakeDirectory(const fs::path& dir) {
+  std::error_code error;
+  fs::create_directories(dir, error);
+  if (error) throw std::runtime_error("cannot create the directory " + dir.string() + ": " + error.message());
+  if (!fs::is_directory(dir)) throw std::runtime_error(dir.string() + " is not a directory");
+}
+
+bool IsNumber(const std::string& name) {
+  return !name.empty() && std::all_of(name.begin(), name.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
+}
+
+// Removes what an earlier export wrote into dir/<number>/, for numbers not in keep; files of other names are left
+// alone.
+void RemoveStale(const fs::path& dir, const std::vector<int>& keep) {
+  std::error_code error;
+  std::vector<fs::path> stale;
+  for (const fs::directory_entry& entry : fs::directory_iterator(dir, error)) {
+    const std::string name = entry.path().filename().string();
+    if (!IsNumber(name)) continue;
+    if (std::none_of(keep.begin(), keep.end(), [&](int n) { return std::to_string(n) == name; }))
+      stale.push_back(entry.path());
+  }
+  for (const fs::path& path : stale) {
+    for (const char* file : {"frames.tum", "keyframes.tum", "map.ply", "trajectory.svg"})
+      fs::remove(path / file, error);
+    fs::remove(path, error);  // only if empty now
+  }
+}
+
+std::string Describe(const Snapshot& snapshot, int component) {
+  const SnapshotSubmap& root = snapshot.submaps[snapshot.components[component].root];
+  return "t tx ty tz qx qy qz qw, world_from_camera; world: the frame and unit of submap " +
+         std::to_string(root.number);
+}
+
+struct EvaluatedMap {
+  const GroundTruth* ground_truth = nullptr;
+  MapEvaluation evaluation;
+};
+
+std::string TrajectorySvg(const Snapshot& snapshot, int component, const EvaluatedMap& evaluated) {
+  const bool has_truth = evaluated.ground_truth != nullptr;
+  return MakeTrajectorySvg(snapshot, component, has_truth ? &evaluated.evaluation.components[component] : nullptr,
+                           has_truth ? &evaluated.ground_truth->trajectory : nullptr);
+}
+
+void ExportComponent(const Snapshot& snapshot, int component, const EvaluatedMap& evaluated, const fs::path& dir) {
+  MakeDirectory(dir);
+  const SnapshotComponent& c = snapshot.components[component];
+  WriteTrajectory((dir / "frames.tum").string(), ToTrajectory(c.frames), Describe(snapshot, component));
+  WriteTrajectory((dir / "keyframes.tum").string(), ToTrajectory(c.keyframes), Describe(snapshot, component));
+  WriteFile((dir / "map.ply").string(), MakePly(snapshot, component));
+  WriteFile((dir / "trajectory.svg").string(), TrajectorySvg(snapshot, component, evaluated));
+}
+
+// The files that others rely on, for a flight in which tracking never started.
+void ExportNothing(const fs::path& dir) {
+  for (const char* file : {"frames.tum", "keyframes.tum"})
+    WriteTrajectory((dir / file).string(), {}, "no frame was tracked");
+  std::error_code error;
+  for (const char* file : {"map.ply", "trajectory.svg"}) fs::remove(dir / file, error);
+}
+
+void ExportSubmaps(const Snapshot& snapshot, const fs::path& dir) {
+  MakeDirectory(dir);
+  std::vector<int> numbers;
+  for (const SnapshotSubmap& submap : snapshot.submaps) {
+    const fs::path folder = dir / std::to_string(submap.number);
+    MakeDirectory(folder);
+    WriteTrajectory((folder / "frames.tum").string(), TrackedTrajectory(*submap.submap),
+                    "t tx ty tz qx qy qz qw, world_from_camera as tracked; world: the submap's own frame and unit");
+    numbers.push_back(submap.number);
+  }
+  RemoveStale(dir, numbers);
+}
+
+}  // namespace
+
+void PrepareDirectory(const std::string& dir) {
+  MakeDirectory(dir);
+  const std::string probe = (fs::path(dir) / ".write_test").string();
+  WriteFile(probe, "");
+  std::error_code error;
+  fs::remove(probe, error);
+}
+
+void ExportAll(const MapModel& model, const GroundTruth* ground_truth, const std::string& dir_name) {
+  const fs::path dir = dir_name;
+  PrepareDirectory(dir_name);
+  const Snapshot snapshot = MakeSnapshot(model);
+  EvaluatedMap evaluated;
+  evaluated.ground_truth = ground_truth;
+  if (ground_truth != nullptr) evaluated.evaluation = EvaluateMap(snapshot, *ground_truth);
+  if (snapshot.components.empty()) ExportNothing(dir);
+  std::vector<int> others;
+  for (int c = 0; c < static_cast<int>(snapshot.components.size()); ++c) {
+    ExportComponent(snapshot, c, evaluated, c == 0 ? dir : dir / "components" / std::to_string(c));
+    if (c > 0) others.push_back(c);
+  }
+  RemoveStale(dir / "components", others);
+  ExportSubmaps(snapshot, dir / "submaps");
+  WriteFile((dir / "graph.dot").string(), MakeGraphDot(snapshot));
+  WriteFile((dir / "graph.svg").string(), MakeGraphSvg(snapshot));
+  WriteFile((dir / "summary.json").string(),
+            MakeSummaryJson(snapshot, ground_truth != nullptr ? &evaluated.evaluation : nullptr, ground_truth));
+  RebuildReport(dir_name);
+}
+
+void RebuildReport(const std::string& dir_name) {
+  const fs::path dir = dir_name;
+  const std::string summary = ReadFile((dir / "summary.json").string());
+  std::vector<std::string> pictures;
+  std::error_code error;
+  for (fs::path folder = dir; fs::exists(folder / "trajectory.svg", error);
+       folder = dir / "components" / std::to_string(pictures.size())) {
+    pictures.push_back(ReadFile((folder / "trajectory.svg").string()));
+  }
+  WriteFile((dir / "report.html").string(), MakeReport(summary, ReadFile((dir / "graph.svg").string()), pictures));
+}
+
+}  // namespace mapmend

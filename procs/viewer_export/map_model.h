@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "libs/mapping/submap.h"
+#include "procs/viewer_export/merged_map.h"
+
+namespace mapmend {
+
+// All that the viewer knows: the sessions, built from their records, and the newest merged map. Knows nothing of LCM.
+class MapModel {
+ public:
+  // Applies the next record of a session. Returns an empty string, or one line that says what is wrong with it; then
+  // nothing has changed. What no export needs (descriptors, words) is dropped.
+  std::string Apply(const Record& record);
+
+  // Takes over a merged map. An older revision than the one held is ignored (false).
+  bool SetMergedMap(MergedMap map);
+  // One connection as evaluated now; replaces what was known of the pair until the next revision.
+  void SetConnection(const EvaluatedConnection& connection);
+
+  // In the order in which the sessions were first seen.
+  const std::vector<std::string>& SessionOrder() const { return session_order_; }
+  const Session& GetSession(const std::string& id) const { return sessions_.at(id); }
+  const MergedMap& Merged() const { return merged_; }
+  // When a keyframe's image was taken, also of culled ones.
+  int64_t KeyframeUtime(const std::string& session, KeyframeId keyframe) const;
+  bool AllEnded() const;
+
+ private:
+  std::map<std::string, Session> sessions_;
+  std::vector<std::string> session_order_;
+  std::map<std::string, std::map<KeyframeId, int64_t>> keyframe_utimes_;
+  MergedMap merged_;
+};
+
+}  // namespace mapmend

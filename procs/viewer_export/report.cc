@@ -1,0 +1,278 @@
+#include "procs/viewer_export/report.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <ctime>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "libs/drawing/canvas.h"
+#include "libs/drawing/svg_canvas.h"
+#include "procs/viewer_export/report_style.h"
+
+namespace mapmend {
+namespace {
+
+using Json = nlohmann::json;
+
+std::string Escaped(const Json& value) { return EscapeXml(value.get<std::string>()); }
+std::string Int(const Json& value) { return std::to_string(value.get<int64_t>()); }
+
+std::string Fixed(double value, int decimals) {
+  char text[64];
+  std::snprintf(text, sizeof(text), "%.*f", decimals, value);
+  return text;
+}
+
+std::string Percent(double part, double whole) { return whole > 0 ? Fixed(100 * part / whole, 1) + " %" : "–"; }
+
+std::string Plural(int64_t n, const std::string& word) { return std::to_string(n) + " " + word + (n == 1 ? "" : "s"); }
+
+std::string Readable(std::string text) {
+  std::replace(text.begin(), text.end(), '_', ' ');
+  return text;
+}
+
+// "2018-04-29 12:06 UTC"; empty for times that are no date.
+std::string Date(int64_t utime) {
+  const std::time_t seconds = utime / 1000000;
+  std::tm tm{};
+  if (seconds < 315532800 || gmtime_r(&seconds, &tm) == nullptr) return "";  // 1980
+  char text[64];
+  std::strftime(text, sizeof(text), "%Y-%m-%d %H:%M UTC", &tm);
+  return text;
+}
+
+std::string Chip(int64_t submap) {
+  return "<span class=\"chip\" style=\"background:" + CategoryColor(static_cast<int>(submap)) + "\">" +
+         std::to_string(submap) + "</span>";
+}
+
+std::string PartName(const Json& summary, int64_t component) {
+  if (component == 0) return summary["components"].size() == 1 ? "the map" : "main map";
+  return "part " + std::to_string(component);
+}
+
+std::string Banner(const Json& s) {
+  const size_t parts = s["components"].size();
+  const int64_t in = s["frames_in"], tracked = s["frames_tracked"], main = s["frames_in_main"], losses = s["losses"];
+  std::string level = "good", head, text;
+  if (parts == 0 || tracked == 0) {
+    level = "bad";
+    head = "There is no map";
+    text = "Tracking never started.";
+  } else if (parts == 1) {
+    head = "The map is whole";
+    text = losses == 0
+               ? "Tracking was never lost."
+               : "Tracking was lost " + std::string(losses == 1 ? "once" : std::to_string(losses) + " times") +
+                     "; all " + Plural(static_cast<int64_t>(s["submaps"].size()), "submap") + " are joined in one map.";
+  } else {
+    level = "warn";
+    head = "The map is in " + std::to_string(parts) + " parts";
+    text = "The main map holds " + Percent(static_cast<double>(main), static_cast<double>(tracked)) +
+           " of the tracked frames. Below stands why the parts could not be joined.";
+  }
+  if (in > tracked && tracked > 0)
+    text += " " + Plural(in - tracked, "frame") + " of " + std::to_string(in) + " could not be tracked.";
+  if (!s["final"].get<bool>()) text += " This is not the final map: the merger has not finished.";
+  return "<div class=\"banner " + level + "\"><b>" + head + "</b><span>" + EscapeXml(text) + "</span></div>\n";
+}
+
+std::string Figure(const std::string& value, const std::string& label, const std::string& note) {
+  return "<div class=\"figure\"><b>" + value + "</b><span>" + label + "</span><i>" + note + "</i></div>\n";
+}
+
+std::string Figures(const Json& s) {
+  const double in = s["frames_in"], tracked = s["frames_tracked"], main = s["frames_in_main"];
+  std::string html = "<div class=\"figures\">\n";
+  html +=
+      Figure(Percent(main, in), "of all frames in the map", Int(s["frames_in_main"]) + " of " + Int(s["frames_in"]));
+  html +=
+      Figure(Percent(tracked, in), "of all frames tracked", Int(s["frames_tracked"]) + " of " + Int(s["frames_in"]));
+  html += Figure(std::to_string(s["submaps"].size()), "submaps",
+                 Int(s["losses"]) + (s["losses"] == 1 ? " loss" : " losses") + " of tracking");
+  html += Figure(Int(s["keyframes_in_main"]), "keyframes in the map", "of " + Int(s["keyframes_total"]));
+  html += Figure(Int(s["points_in_main"]), "points in the map", "");
+  if (s.contains("ate_rmse_m")) {
+    html += Figure(Fixed(s["ate_rmse_m"], 3) + " m", "error (ATE RMSE)",
+                   "median " + Fixed(s["ate_median_m"], 3) + ", max " + Fixed(s["ate_max_m"], 3) + " m");
+  }
+  if (s.contains("wall_s")) html += Figure(Fixed(s["wall_s"], 1) + " s", "wall time", "");
+  if (s.contains("frontend") && s["frontend"].contains("track_ms_median")) {
+    html += Figure(
+        Fixed(s["frontend"]["track_ms_median"], 1) + " ms", "tracking per frame",
+        s["frontend"].contains("track_ms_p95") ? "95 % below " + Fixed(s["frontend"]["track_ms_p95"], 1) + " ms" : "");
+  }
+  return html + "</div>\n";
+}
+
+// For each part beside the main map: the strongest attempt to join it to another part, or that there was none.
+std::string WhyApart(const Json& s) {
+  if (s["components"].size() < 2) return "";
+  const auto component = [&](const Json& submap_id) -> int64_t {
+    for (const Json& submap : s["submaps"]) {
+      if (submap["id"] == submap_id) return submap["component"];
+    }
+    return -1;
+  };
+  std::string html = "<h2>Why the map is not in one piece</h2>\n<ul class=\"why\">\n";
+  for (size_t c = 1; c < s["components"].size(); ++c) {
+    const Json& part = s["components"][c];
+    const Json* best = nullptr;
+    int64_t attempts = 0;
+    for (const Json& connection : s["connections"]) {
+      const bool a = component(connection["a"]) == static_cast<int64_t>(c),
+                 b = component(connection["b"]) == static_cast<int64_t>(c);
+      if (a == b) continue;
+      ++attempts;
+      const auto rank = [](const Json& x) {
+        return std::make_pair(x["C"].get<double>(), x["candidates"].get<int64_t>());
+      };
+      if (best == nullptr || rank(connection) > rank(*best)) best = &connection;
+    }
+    html += "<li><b>Part " + std::to_string(c) + "</b> (";
+    for (const Json& submap : part["submaps"]) html += Chip(submap) + " ";
+    html += Plural(part["frames"], "frame") + "): ";
+    if (best == nullptr) {
+      html += "nothing that was seen here was recognised anywhere else, so no connection was tried.";
+    } else {
+      html += Plural(attempts, "connection") + " to other parts " + (attempts == 1 ? "was" : "were") +
+              " tried, none held. The most promising, " + Chip((*best)["a"]) + "–" + Chip((*best)["b"]) + ": " +
+              Escaped((*best)["reason"]);
+    }
+    html += "</li>\n";
+  }
+  return html + "</ul>\n";
+}
+
+std::string SubmapTable(const Json& s) {
+  const bool errors = s.contains("groundtruth");
+  std::string html =
+      "<h2>Submaps</h2>\n<div class=\"scroll\"><table>\n<tr><th>Submap</th><th>Belongs to</th><th>First "
+      "frame</th><th>Last frame</th>"
+      "<th>Frames</th><th>Keyframes</th><th>Points</th><th>Scale in the map</th>" +
+      std::string(errors ? "<th>Error RMSE</th><th>Error max</th>" : "") +
+      "<th class=\"text\">Ended because</th></tr>\n";
+  for (const Json& m : s["submaps"]) {
+    html += "<tr><td>" + Chip(m["id"]) + "</td><td>" + PartName(s, m["component"]) +
+            (m["is_root"].get<bool>() ? " (root)" : "") + "</td>";
+    const bool any = m["frames"].get<int64_t>() > 0;
+    html += "<td>" + (any ? Int(m["first_frame"]) : "–") + "</td><td>" + (any ? Int(m["last_frame"]) : "–") + "</td>";
+    for (const char* key : {"frames", "keyframes", "points"}) html += "<td>" + Int(m[key]) + "</td>";
+    html += "<td>" + Fixed(m["root_from_submap"][7], 3) + "</td>";
+    if (errors) {
+      for (const char* key : {"ate_rmse_m", "ate_max_m"}) {
+        html += "<td>" + (m.contains(key) ? Fixed(m[key], 3) + " m" : std::string("–")) + "</td>";
+      }
+    }
+    const std::string reason = m["end_reason"], detail = m["end_detail"];
+    const std::string words = reason.empty() ? "still growing" : EscapeXml(Readable(reason));
+    html +=
+        "<td class=\"text\">" + words + (detail.empty() ? "" : "<br><i>" + EscapeXml(detail) + "</i>") + "</td></tr>\n";
+  }
+  html += "</table></div>\n";
+  if (errors) {
+    html +=
+        "<p class=\"note\">The errors are of each submap as it was tracked, aligned to the ground truth by itself "
+        "(rotation, translation and scale).</p>\n";
+  }
+  return html;
+}
+
+std::string ConnectionTable(const Json& s) {
+  std::string html = "<h2>Connections</h2>\n";
+  if (s["connections"].empty()) {
+    return html + "<p class=\"note\">No pair of submaps was compared: " +
+           (s["submaps"].size() < 2 ? "there is only one." : "retrieval found no place seen in two of them.") +
+           "</p>\n";
+  }
+  std::vector<const Json*> rows;
+  for (const Json& connection : s["connections"]) rows.push_back(&connection);
+  const auto rank = [](const Json* c) {
+    return std::make_tuple(!(*c)["in_tree"].get<bool>(), (*c)["verdict"] != "accepted", -(*c)["C"].get<double>());
+  };
+  std::stable_sort(rows.begin(), rows.end(), [&](const Json* p, const Json* q) { return rank(p) < rank(q); });
+  html +=
+      "<div class=\"scroll\"><table>\n<tr><th>Submaps</th><th "
+      "class=\"text\">Verdict</th><th>F</th><th>M</th><th>θ</th><th>C</th>"
+      "<th>Inliers</th><th>Candidates</th><th>Error</th><th>Scale</th><th class=\"text\">Reason</th></tr>\n";
+  for (const Json* row : rows) {
+    const Json& c = *row;
+    const bool tree = c["in_tree"].get<bool>();
+    const std::string verdict = c["verdict"];
+    const bool measured = c["inliers"].get<int64_t>() > 0;
+    html += "<tr><td>" + Chip(c["a"]) + "–" + Chip(c["b"]) + "</td><td class=\"text\"><span class=\"verdict " +
+            EscapeXml(tree ? "tree" : verdict) + "\">" + EscapeXml(tree ? "joined, in the tree" : verdict) +
+            "</span></td>";
+    html += "<td>" + Int(c["F"]) + "</td><td>" + Int(c["M"]) + "</td><td>" + Fixed(c["theta_deg"], 1) + "°</td><td>" +
+            Fixed(c["C"], 1) + "</td><td>" + Int(c["inliers"]) + "</td><td>" + Int(c["candidates"]) + "</td><td>" +
+            (measured ? Fixed(c["reprojection_error_px"], 2) + " px" : "–") + "</td><td>" +
+            (measured ? Fixed(c["scale"], 3) : "–") + "</td><td class=\"text\">" + Escaped(c["reason"]) +
+            "</td></tr>\n";
+  }
+  html += "</table></div>\n";
+  html +=
+      "<p class=\"note\"><b>F</b> connected frames: pairs of keyframes, one of each submap, that see the same place "
+      "and passed the "
+      "geometric check. <b>M</b> map points common to them. <b>θ</b> median angle between their rays to those points, "
+      "at most 45°. "
+      "<b>C</b> = F + 0.1 M + 0.1 θ², the strength of the connection; the tree takes the strongest connections that "
+      "close no loop. "
+      "<b>Candidates</b> pairs of keyframes that looked alike. <b>Error</b> median reprojection error. <b>Scale</b> of "
+      "the second "
+      "submap's units against the first's.</p>\n";
+  return html;
+}
+
+std::string ProcessTable(const Json& s) {
+  if (!s.contains("processes") || s["processes"].empty()) return "";
+  std::string html =
+      "<h2>Processes</h2>\n<div class=\"scroll\"><table>\n<tr><th class=\"text\">Process</th><th>CPU time</th>"
+      "<th>Peak memory</th></tr>\n";
+  for (const Json& p : s["processes"]) {
+    html += "<tr><td class=\"text\">" + Escaped(p.at("name")) + "</td><td>" + Fixed(p.value("cpu_s", 0.0), 1) +
+            " s</td><td>" + Fixed(p.value("peak_rss_mb", 0.0), 0) + " MB</td></tr>\n";
+  }
+  return html + "</table></div>\n";
+}
+
+std::string Head(const Json& s) {
+  std::string lines;
+  for (const Json& session : s["sessions"]) {
+    std::string line = Escaped(session["source"]);
+    if (!session["vehicle"].get<std::string>().empty()) line = Escaped(session["vehicle"]) + ": " + line;
+    const std::string date = Date(session["start_utime"]);
+    if (!date.empty()) line += ", " + date;
+    lines += "<p>" + line + "</p>\n";
+  }
+  return "<header><h1>Flight report</h1>\n" + lines + "</header>\n";
+}
+
+}  // namespace
+
+std::string MakeReport(const std::string& summary_json, const std::string& graph_svg,
+                       const std::vector<std::string>& trajectory_svgs) {
+  try {
+    const Json s = Json::parse(summary_json);
+    std::string html =
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
+        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>mapmend: flight "
+        "report</title>\n"
+        "<style>";
+    html += kReportStyle;
+    html += "</style></head>\n<body><main>\n" + Head(s) + Banner(s) + Figures(s);
+    for (const std::string& svg : trajectory_svgs) html += "<div class=\"picture\">" + svg + "</div>\n";
+    html += WhyApart(s);
+    html += "<div class=\"picture\">" + graph_svg + "</div>\n";
+    html += ConnectionTable(s) + SubmapTable(s) + ProcessTable(s);
+    html += "<footer>Written by mapmend " + Escaped(s["version"]) +
+            ". The figures are in summary.json beside this page.</footer>\n";
+    return html + "</main></body></html>\n";
+  } catch (const Json::exception& e) {
+    throw std::runtime_error(std::string("summary.json: ") + e.what());
+  }
+}
+
+}  // namespace mapmend

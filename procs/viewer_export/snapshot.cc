@@ -1,0 +1,254 @@
+#include "procs/viewer_export/snapshot.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <limits>
+#include <numeric>
+#include <set>
+#include <utility>
+
+namespace mapmend {
+namespace {
+
+const RefinedSubmap* FindRefinement(const MergedMap& merged, const SubmapKey& key) {
+  const auto it = merged.refinement.find(key);
+  return it == merged.refinement.end() || it->second.keyframes.empty() ? nullptr : &it->second;
+}
+
+// Pose relative to a keyframe, carried over to the keyframe's refined pose.
+Rigid3 Follow(const Rigid3& cam_from_keyframe, const RefinedKeyframe& keyframe) {
+  return Rigid3(cam_from_keyframe.rotation, keyframe.scale * cam_from_keyframe.translation) * keyframe.cam_from_root;
+}
+
+// Places the frames of one submap.
+class FramePlacer {
+ public:
+  FramePlacer(const MapModel& model, const SnapshotSubmap& submap)
+      : model_(model), submap_(submap), refined_(FindRefinement(model.Merged(), submap.key)) {
+    if (refined_ == nullptr) return;
+    for (const auto& [id, keyframe] : submap.submap->keyframes) {
+      if (refined_->keyframes.contains(id)) refined_times_.emplace_back(keyframe.utime, id);
+    }
+    std::sort(refined_times_.begin(), refined_times_.end());
+  }
+
+  Rigid3 Place(const TrackedFrame& frame) const {
+    if (refined_times_.empty()) return TransformWorld(submap_.submap->CamFromSubmap(frame), submap_.root_from_submap);
+    const auto it = refined_->keyframes.find(frame.keyframe);
+    if (it != refined_->keyframes.end()) return Follow(frame.cam_from_keyframe, it->second);
+    const KeyframeId nearest = NearestRefined(frame.utime);
+    const Rigid3 cam_from_nearest =
+        submap_.submap->CamFromSubmap(frame) * submap_.submap->keyframes.at(nearest).cam_from_submap.Inverse();
+    return Follow(cam_from_nearest, refined_->keyframes.at(nearest));
+  }
+
+  int64_t KeyframeDistance(const TrackedFrame& frame) const {
+    return std::abs(frame.utime - model_.KeyframeUtime(submap_.key.session, frame.keyframe));
+  }
+
+ private:
+  KeyframeId NearestRefined(int64_t utime) const {
+    auto it = std::lower_bound(refined_times_.begin(), refined_times_.end(), std::make_pair(utime, KeyframeId()));
+    if (it == refined_times_.end() || (it != refined_times_.begin() && utime - (it - 1)->first <= it->first - utime))
+      --it;
+    return it->second;
+  }
+
+  const MapModel& model_;
+  const SnapshotSubmap& submap_;
+  const RefinedSubmap* refined_;
+  std::vector<std::pair<int64_t, KeyframeId>> refined_times_;
+};
+
+std::vector<MergedFrame> PlaceFrames(const MapModel& model, const SnapshotSubmap& submap) {
+  const FramePlacer placer(model, submap);
+  std::map<int, MergedFrame> by_frame;
+  for (const TrackedFrame& frame : submap.submap->frames) {
+    const int64_t distance = placer.KeyframeDistance(frame);
+    const auto [it, inserted] = by_frame.try_emplace(frame.frame);
+    if (!inserted && it->second.keyframe_distance_us < distance) continue;
+    it->second = {submap.session, frame.frame, frame.utime, placer.Place(frame), distance};
+  }
+  std::vector<MergedFrame> frames;
+  for (const auto& [index, frame] : by_frame) frames.push_back(frame);
+  return frames;
+}
+
+// Merges the frames of a component's submaps: one pose for each (session, frame).
+std::vector<MergedFrame> JoinFrames(const Snapshot& snapshot, const std::vector<int>& submaps) {
+  std::map<std::pair<int, int>, MergedFrame> best;
+  for (const int index : submaps) {
+    for (const MergedFrame& frame : snapshot.submaps[index].frames) {
+      const auto [it, inserted] = best.try_emplace({frame.session, frame.frame}, frame);
+      if (!inserted && frame.keyframe_distance_us < it->second.keyframe_distance_us) it->second = frame;
+    }
+  }
+  std::vector<MergedFrame> frames;
+  for (const auto& [key, frame] : best) frames.push_back(frame);
+  std::stable_sort(frames.begin(), frames.end(),
+                   [](const MergedFrame& a, const MergedFrame& b) { return a.utime < b.utime; });
+  return frames;
+}
+
+std::vector<SnapshotKeyframe> PlaceKeyframes(const Snapshot& snapshot, const std::vector<int>& submaps) {
+  std::vector<SnapshotKeyframe> keyframes;
+  for (const int index : submaps) {
+    const SnapshotSubmap& submap = snapshot.submaps[index];
+    const RefinedSubmap* refined = FindRefinement(snapshot.model->Merged(), submap.key);
+    for (const auto& [id, keyframe] : submap.submap->keyframes) {
+      SnapshotKeyframe placed{index, id, keyframe.utime, Rigid3()};
+      const bool is_refined = refined != nullptr && refined->keyframes.contains(id);
+      placed.cam_from_root = is_refined ? refined->keyframes.at(id).cam_from_root
+                                        : TransformWorld(keyframe.cam_from_submap, submap.root_from_submap);
+      keyframes.push_back(placed);
+    }
+  }
+  std::stable_sort(keyframes.begin(), keyframes.end(),
+                   [](const SnapshotKeyframe& a, const SnapshotKeyframe& b) { return a.utime < b.utime; });
+  return keyframes;
+}
+
+void ListSubmaps(Snapshot* snapshot) {
+  int offset = 0;
+  const std::vector<std::string>& order = snapshot->model->SessionOrder();
+  for (size_t s = 0; s < order.size(); ++s) {
+    const Session& session = snapshot->model->GetSession(order[s]);
+    int highest = -1;
+    for (const auto& [id, submap] : session.submaps) {
+      SnapshotSubmap entry;
+      entry.number = offset + id.value;
+      entry.session = static_cast<int>(s);
+      entry.key = {order[s], id};
+      entry.submap = &submap;
+      snapshot->submaps.push_back(entry);
+      highest = std::max(highest, id.value);
+    }
+    offset += highest + 1;
+  }
+}
+
+// Components as the merger sees them; a submap it does not know yet stands alone.
+std::vector<SnapshotComponent> GroupSubmaps(Snapshot* snapshot) {
+  std::map<int, SnapshotComponent> groups;
+  int next_single = std::numeric_limits<int>::max() / 2;
+  for (size_t i = 0; i < snapshot->submaps.size(); ++i) {
+    SnapshotSubmap& submap = snapshot->submaps[i];
+    const std::vector<MergedSubmap>& merged = snapshot->model->Merged().submaps;
+    const auto it =
+        std::find_if(merged.begin(), merged.end(), [&](const MergedSubmap& m) { return m.key == submap.key; });
+    const bool known = it != merged.end();
+    SnapshotComponent& group = groups[known ? it->component : next_single++];
+    submap.is_root = known ? it->is_root : true;
+    if (known) submap.root_from_submap = it->root_from_submap;
+    if (group.submaps.empty() || submap.is_root) group.root = static_cast<int>(i);
+    group.submaps.push_back(static_cast<int>(i));
+  }
+  std::vector<SnapshotComponent> components;
+  for (auto& [id, group] : groups) components.push_back(std::move(group));
+  return components;
+}
+
+}  // namespace
+
+int Snapshot::FindSubmap(const SubmapKey& key) const {
+  for (size_t i = 0; i < submaps.size(); ++i) {
+    if (submaps[i].key == key) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+Snapshot MakeSnapshot(const MapModel& model) {
+  Snapshot snapshot;
+  snapshot.model = &model;
+  ListSubmaps(&snapshot);
+  snapshot.components = GroupSubmaps(&snapshot);
+  std::set<std::pair<int, int>> tracked;
+  for (SnapshotSubmap& submap : snapshot.submaps) {
+    submap.frames = PlaceFrames(model, submap);
+    for (const MergedFrame& frame : submap.frames) tracked.emplace(frame.session, frame.frame);
+  }
+  snapshot.num_frames_tracked = static_cast<int>(tracked.size());
+  for (SnapshotComponent& component : snapshot.components) {
+    component.frames = JoinFrames(snapshot, component.submaps);
+    component.keyframes = PlaceKeyframes(snapshot, component.submaps);
+  }
+  std::stable_sort(
+      snapshot.components.begin(), snapshot.components.end(),
+      [](const SnapshotComponent& a, const SnapshotComponent& b) { return a.frames.size() > b.frames.size(); });
+  for (size_t c = 0; c < snapshot.components.size(); ++c) {
+    for (const int index : snapshot.components[c].submaps) snapshot.submaps[index].component = static_cast<int>(c);
+  }
+  for (size_t s = 0; s < model.SessionOrder().size(); ++s) {
+    const Session& session = model.GetSession(model.SessionOrder()[s]);
+    int frames = session.ended ? session.num_frames : 0;
+    // While a session lasts, the frames seen so far.
+    if (!session.ended) {
+      const auto last =
+          std::find_if(tracked.rbegin(), tracked.rend(), [&](const auto& f) { return f.first == static_cast<int>(s); });
+      if (last != tracked.rend()) frames = last->second + 1;
+    }
+    snapshot.num_frames_in += frames;
+  }
+  return snapshot;
+}
+
+std::vector<ColoredPoint> ComponentPoints(const Snapshot& snapshot, int component) {
+  std::vector<ColoredPoint> points;
+  for (const int index : snapshot.components[component].submaps) {
+    const SnapshotSubmap& submap = snapshot.submaps[index];
+    const auto it = snapshot.model->Merged().refinement.find(submap.key);
+    const RefinedSubmap* refined =
+        it == snapshot.model->Merged().refinement.end() || it->second.points.empty() ? nullptr : &it->second;
+    for (const auto& [id, point] : submap.submap->points) {
+      ColoredPoint colored;
+      colored.submap = index;
+      colored.id = id;
+      if (refined != nullptr) {
+        const auto refined_point = refined->points.find(id);
+        if (refined_point == refined->points.end() || refined->fused.contains(id)) continue;
+        colored.position = refined_point->second;
+      } else {
+        colored.position = submap.root_from_submap * point.position;
+      }
+      std::array<int, 3> sum = {0, 0, 0};
+      int n = 0;
+      for (const SubmapObservation& observation : point.observations) {
+        const Features& features = submap.submap->keyframes.at(observation.keyframe).features;
+        if (features.colors.empty()) continue;
+        for (int c = 0; c < 3; ++c) sum[c] += features.colors[observation.feature][c];
+        ++n;
+      }
+      for (int c = 0; c < 3 && n > 0; ++c) colored.color[c] = static_cast<uint8_t>((sum[c] + n / 2) / n);
+      points.push_back(colored);
+    }
+  }
+  return points;
+}
+
+Trajectory ToTrajectory(const std::vector<MergedFrame>& frames) {
+  Trajectory trajectory;
+  for (const MergedFrame& frame : frames) trajectory.push_back({frame.utime, frame.cam_from_root.Inverse()});
+  return trajectory;
+}
+
+Trajectory ToTrajectory(const std::vector<SnapshotKeyframe>& keyframes) {
+  Trajectory trajectory;
+  for (const SnapshotKeyframe& keyframe : keyframes) {
+    trajectory.push_back({keyframe.utime, keyframe.cam_from_root.Inverse()});
+  }
+  return trajectory;
+}
+
+Trajectory TrackedTrajectory(const Submap& submap) {
+  std::map<int, StampedPose> by_frame;  // a frame tracked again replaces its earlier pose
+  for (const TrackedFrame& frame : submap.frames) {
+    by_frame[frame.frame] = {frame.utime, submap.CamFromSubmap(frame).Inverse()};
+  }
+  Trajectory trajectory;
+  for (const auto& [index, pose] : by_frame) trajectory.push_back(pose);
+  std::stable_sort(trajectory.begin(), trajectory.end(),
+                   [](const StampedPose& a, const StampedPose& b) { return a.utime < b.utime; });
+  return trajectory;
+}
+
+}  // namespace mapmend

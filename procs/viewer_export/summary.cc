@@ -1,0 +1,155 @@
+#include "procs/viewer_export/summary.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "procs/viewer_export/graph_export.h"
+
+namespace mapmend {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+void AddErrors(const Evaluation& evaluation, Json* json) {
+  if (!evaluation.success) return;
+  (*json)["ate_rmse_m"] = evaluation.rmse;
+  (*json)["ate_median_m"] = evaluation.median;
+  (*json)["ate_max_m"] = evaluation.max;
+}
+
+Json Sessions(const Snapshot& snapshot) {
+  Json sessions = Json::array();
+  for (const std::string& id : snapshot.model->SessionOrder()) {
+    const Session& session = snapshot.model->GetSession(id);
+    sessions.push_back({{"id", id},
+                        {"vehicle", session.info.vehicle},
+                        {"source", session.info.source},
+                        {"start_utime", session.start_utime},
+                        {"frames_in", session.num_frames},
+                        {"ended", session.ended}});
+  }
+  return sessions;
+}
+
+Json Submaps(const Snapshot& snapshot, const MapEvaluation* evaluation) {
+  Json submaps = Json::array();
+  for (size_t i = 0; i < snapshot.submaps.size(); ++i) {
+    const SnapshotSubmap& s = snapshot.submaps[i];
+    Json json = {{"id", s.number},
+                 {"session", s.session},
+                 {"session_submap", s.key.submap.value},
+                 {"frames", s.frames.size()},
+                 {"keyframes", s.submap->keyframes.size()},
+                 {"points", s.submap->points.size()},
+                 {"component", s.component},
+                 {"is_root", s.is_root},
+                 {"first_frame", s.frames.empty() ? -1 : s.frames.front().frame},
+                 {"last_frame", s.frames.empty() ? -1 : s.frames.back().frame},
+                 {"end_reason", s.submap->end_reason},
+                 {"end_detail", s.submap->end_detail},
+                 {"root_from_submap", ToArray(s.root_from_submap)}};
+    if (evaluation != nullptr) AddErrors(evaluation->submaps[i], &json);
+    submaps.push_back(json);
+  }
+  return submaps;
+}
+
+Json Components(const Snapshot& snapshot, const MapEvaluation* evaluation, const std::vector<size_t>& num_points) {
+  Json components = Json::array();
+  for (size_t c = 0; c < snapshot.components.size(); ++c) {
+    const SnapshotComponent& component = snapshot.components[c];
+    Json numbers = Json::array();
+    for (const int index : component.submaps) numbers.push_back(snapshot.submaps[index].number);
+    Json json = {{"root", snapshot.submaps[component.root].number},
+                 {"submaps", numbers},
+                 {"frames", component.frames.size()},
+                 {"keyframes", component.keyframes.size()},
+                 {"points", num_points[c]}};
+    if (evaluation != nullptr) AddErrors(evaluation->components[c], &json);
+    components.push_back(json);
+  }
+  return components;
+}
+
+Json Connections(const Snapshot& snapshot) {
+  Json connections = Json::array();
+  for (const GraphEdge& edge : ListEdges(snapshot)) {
+    const EvaluatedConnection& c = *edge.connection;
+    // Listed from the lower number to the higher one, whichever way round it was evaluated.
+    const bool swapped = snapshot.FindSubmap(c.a) != edge.a;
+    connections.push_back({{"a", snapshot.submaps[edge.a].number},
+                           {"b", snapshot.submaps[edge.b].number},
+                           {"F", c.num_connected_frames},
+                           {"M", c.num_common_points},
+                           {"theta_deg", c.median_angle_deg},
+                           {"C", c.strength},
+                           {"scale", swapped ? 1 / c.b_from_a.scale : c.b_from_a.scale},
+                           {"inliers", c.num_inliers},
+                           {"candidates", c.num_candidates},
+                           {"reprojection_error_px", c.reprojection_error},
+                           {"verdict", VerdictName(c.verdict)},
+                           {"reason", c.reason},
+                           {"in_tree", c.in_tree}});
+  }
+  return connections;
+}
+
+}  // namespace
+
+std::string VerdictName(EvaluatedConnection::Verdict verdict) {
+  switch (verdict) {
+    case EvaluatedConnection::Verdict::kAccepted:
+      return "accepted";
+    case EvaluatedConnection::Verdict::kRejected:
+      return "rejected";
+    case EvaluatedConnection::Verdict::kDeactivated:
+      return "deactivated";
+  }
+  return "";
+}
+
+std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evaluation,
+                            const GroundTruth* ground_truth) {
+  std::vector<size_t> num_points;
+  for (size_t c = 0; c < snapshot.components.size(); ++c) {
+    num_points.push_back(ComponentPoints(snapshot, static_cast<int>(c)).size());
+  }
+  size_t num_keyframes = 0;
+  for (const SnapshotSubmap& s : snapshot.submaps) num_keyframes += s.submap->keyframes.size();
+  const bool any = !snapshot.components.empty();
+  const MergedMap& merged = snapshot.model->Merged();
+  Json json;
+  json["version"] = MAPMEND_VERSION;
+  json["revision"] = merged.revision;
+  json["refined"] = merged.refined;
+  json["final"] = merged.final;
+  json["frames_in"] = snapshot.num_frames_in;
+  json["frames_tracked"] = snapshot.num_frames_tracked;
+  json["frames_in_main"] = any ? snapshot.components[0].frames.size() : 0;
+  json["losses"] =
+      std::count_if(snapshot.submaps.begin(), snapshot.submaps.end(), [](const SnapshotSubmap& s) { return s.Lost(); });
+  json["keyframes_total"] = num_keyframes;
+  json["keyframes_in_main"] = any ? snapshot.components[0].keyframes.size() : 0;
+  json["points_in_main"] = any ? num_points[0] : 0;
+  if (evaluation != nullptr && ground_truth != nullptr) {
+    json["groundtruth"] = ground_truth->file;
+    if (any) {
+      const Evaluation& main = evaluation->components[0];
+      AddErrors(main, &json);
+      json["groundtruth_coverage"] = main.coverage;
+      if (main.success) {
+        json["groundtruth_scale"] = main.reference_from_estimate.scale;
+      } else {
+        json["groundtruth_problem"] = main.reason;
+      }
+    }
+  }
+  json["sessions"] = Sessions(snapshot);
+  json["submaps"] = Submaps(snapshot, evaluation);
+  json["components"] = Components(snapshot, evaluation, num_points);
+  json["connections"] = Connections(snapshot);
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace mapmend

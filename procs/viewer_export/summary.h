@@ -1,0 +1,17 @@
+#pragma once
+
+#include <string>
+
+#include "procs/viewer_export/map_evaluation.h"
+#include "procs/viewer_export/snapshot.h"
+
+namespace mapmend {
+
+// summary.json (docs/exports.md lists its keys). evaluation and ground_truth may be null together. The launcher adds
+// wall_s, frontend and processes afterwards.
+std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evaluation, const GroundTruth* ground_truth);
+
+// "accepted", "rejected" or "deactivated".
+std::string VerdictName(EvaluatedConnection::Verdict verdict);
+
+}  // namespace mapmend

@@ -1,0 +1,182 @@
+#include "procs/viewer_export/snapshot.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/viewer_export/test_flight.h"
+
+namespace mapmend {
+namespace {
+
+// Largest distance between the placed frames of a component and the truth, metres.
+double LargestError(const TestFlight& flight, const std::vector<MergedFrame>& frames) {
+  double largest = 0;
+  for (const MergedFrame& frame : frames) {
+    const Eigen::Vector3d in_world = flight.WorldFromSubmap(0) * frame.cam_from_root.Center();
+    largest = std::max(largest, (in_world - flight.WorldFromCamera(frame.frame).translation).norm());
+  }
+  return largest;
+}
+
+void ApplyAll(MapModel* model, const std::vector<Record>& records) {
+  for (const Record& record : records) ASSERT_EQ(model->Apply(record), "");
+}
+
+// The flight's records with one more update before the last submap ends.
+std::vector<Record> WithUpdate(const TestFlight& flight, const MapUpdate& update) {
+  std::vector<Record> records = flight.Records();
+  Record record = records[records.size() - 2];
+  record.body = update;
+  records.insert(records.end() - 2, record);
+  for (size_t i = 0; i < records.size(); ++i) records[i].header.seq = static_cast<int64_t>(i);
+  return records;
+}
+
+TEST(SnapshotTest, TreeTransformsPlaceEveryFrame) {
+  const TestFlight flight;
+  MapModel model = MakeModel(flight);
+  model.SetMergedMap(flight.Merged());
+  const Snapshot snapshot = MakeSnapshot(model);
+  ASSERT_EQ(snapshot.components.size(), 1u);
+  EXPECT_EQ(snapshot.components[0].frames.size(), 40u);
+  EXPECT_EQ(snapshot.components[0].keyframes.size(), 10u);
+  EXPECT_EQ(snapshot.num_frames_tracked, 40);
+  EXPECT_EQ(snapshot.num_frames_in, 50);
+  EXPECT_LT(LargestError(flight, snapshot.components[0].frames), 1e-4);
+}
+
+TEST(SnapshotTest, WithoutAMergerEverySubmapStandsAlone) {
+  const TestFlight flight;
+  const MapModel model = MakeModel(flight);
+  const Snapshot snapshot = MakeSnapshot(model);
+  ASSERT_EQ(snapshot.components.size(), 2u);
+  EXPECT_EQ(snapshot.submaps[1].component, 1);
+  EXPECT_TRUE(snapshot.submaps[1].is_root);
+  // In its own frame the first camera of a submap is the origin.
+  EXPECT_LT(snapshot.components[1].frames[0].cam_from_root.translation.norm(), 1e-9);
+}
+
+TEST(SnapshotTest, TheComponentWithMostFramesIsMain) {
+  TestFlightOptions options;
+  options.num_submaps = 3;
+  const TestFlight flight(options);
+  MapModel model = MakeModel(flight);
+  MergedMap merged = flight.Merged();
+  merged.submaps[0].component = 7;  // alone; the other two belong together
+  merged.submaps[1].component = merged.submaps[2].component = 9;
+  merged.submaps[1].is_root = true;
+  model.SetMergedMap(merged);
+  const Snapshot snapshot = MakeSnapshot(model);
+  ASSERT_EQ(snapshot.components.size(), 2u);
+  EXPECT_EQ(snapshot.components[0].submaps, (std::vector<int>{1, 2}));
+  EXPECT_EQ(snapshot.components[0].root, 1);
+  EXPECT_EQ(snapshot.submaps[0].component, 1);
+}
+
+TEST(SnapshotTest, RefinedKeyframesCarryTheirFramesWithThem) {
+  const TestFlight flight;
+  MapModel model = MakeModel(flight);
+  MergedMap merged = flight.Merged();
+  for (int i = 0; i < 2; ++i) merged.refinement[flight.Key(i)] = flight.Refinement(i);
+  merged.submaps[1].root_from_submap = Similarity3();  // the coarse transform must not be used any more
+  model.SetMergedMap(merged);
+  EXPECT_LT(LargestError(flight, MakeSnapshot(model).components[0].frames), 1e-4);
+}
+
+TEST(SnapshotTest, AFrameOfACulledKeyframeFollowsTheNearestRefinedOne) {
+  TestFlightOptions options;
+  options.num_submaps = 1;
+  const TestFlight flight(options);
+  // Cull keyframe 2 (frames 8 to 11) before the submap ends.
+  MapUpdate cull;
+  cull.submap = SubmapId(0);
+  cull.removed_keyframes = {KeyframeId(2)};
+  MapModel model;
+  ApplyAll(&model, WithUpdate(flight, cull));
+  MergedMap merged = flight.Merged();
+  RefinedSubmap refined = flight.Refinement(0);
+  refined.keyframes.erase(KeyframeId(2));
+  // Refinement moved keyframe 3 (frame 12) by one unit in x and doubled the lengths around it; the others stayed.
+  const Rigid3 before = refined.keyframes.at(KeyframeId(3)).cam_from_root;
+  refined.keyframes[KeyframeId(3)] = {
+      Rigid3(before.rotation, before.translation - before.rotation * Eigen::Vector3d(1, 0, 0)), 2};
+  merged.refinement[flight.Key(0)] = refined;
+  model.SetMergedMap(merged);
+  const std::vector<MergedFrame> frames = MakeSnapshot(model).submaps[0].frames;
+  ASSERT_EQ(frames.size(), 20u);
+  const auto center = [&](int frame) { return frames[frame].cam_from_root.Center(); };
+  const auto tracked = [&](int frame) {
+    return Eigen::Vector3d(flight.WorldFromSubmap(0).Inverse() * flight.WorldFromCamera(frame).translation);
+  };
+  EXPECT_LT((center(8) - tracked(8)).norm(), 1e-6) << "nearest is keyframe 1 (frame 4), which stayed";
+  const Eigen::Vector3d moved = tracked(12) + Eigen::Vector3d(1, 0, 0);
+  EXPECT_LT((center(12) - moved).norm(), 1e-6);
+  EXPECT_LT((center(10) - (moved + 2 * (tracked(10) - tracked(12)))).norm(), 1e-6) << "nearest is keyframe 3";
+  EXPECT_EQ(MakeSnapshot(model).components[0].keyframes.size(), 4u);
+}
+
+TEST(SnapshotTest, AFrameTrackedInTwoSubmapsCountsOnce) {
+  const TestFlight flight;
+  // Submap 1 (keyframe 5 at frame 25) also tracked frame 19, the last of submap 0, backwards.
+  MapUpdate backwards;
+  backwards.submap = SubmapId(1);
+  backwards.frames.push_back(
+      {19, TestFlight::Utime(19), KeyframeId(5), Rigid3(Eigen::Matrix3d::Identity(), {9, 9, 9})});
+  MapModel model;
+  ApplyAll(&model, WithUpdate(flight, backwards));
+  model.SetMergedMap(flight.Merged());
+  const Snapshot snapshot = MakeSnapshot(model);
+  EXPECT_EQ(snapshot.num_frames_tracked, 40);
+  EXPECT_EQ(snapshot.components[0].frames.size(), 40u);
+  EXPECT_EQ(snapshot.submaps[1].frames.size(), 21u);
+  // Keyframe 4 of submap 0 (frame 16) is nearer in time than keyframe 5 (frame 25).
+  EXPECT_LT(LargestError(flight, snapshot.components[0].frames), 1e-4);
+}
+
+TEST(SnapshotTest, NumbersGoOnFromSessionToSession) {
+  const TestFlight first;
+  TestFlightOptions options;
+  options.session = "00000000-0000-0000-0000-000000000000";  // sorts before the first, but comes later
+  const TestFlight second(options);
+  MapModel model = MakeModel(first);
+  ApplyAll(&model, second.Records());
+  const Snapshot snapshot = MakeSnapshot(model);
+  ASSERT_EQ(snapshot.submaps.size(), 4u);
+  for (int i = 0; i < 4; ++i) EXPECT_EQ(snapshot.submaps[i].number, i);
+  EXPECT_EQ(snapshot.submaps[2].key.session, options.session);
+  EXPECT_EQ(snapshot.num_frames_in, 100);
+  EXPECT_EQ(snapshot.num_frames_tracked, 80);
+}
+
+TEST(ComponentPointsTest, AreColouredAndFusedOnesAreListedOnce) {
+  const TestFlight flight;
+  MapModel model = MakeModel(flight);
+  MergedMap merged = flight.Merged();
+  for (int i = 0; i < 2; ++i) merged.refinement[flight.Key(i)] = flight.Refinement(i);
+  RefinedSubmap& second = merged.refinement[flight.Key(1)];
+  second.fused[MapPointId(12)] = {flight.Key(0).session, MapPointId(0)};
+  second.points.erase(MapPointId(13));  // refinement found it to be wrong
+  model.SetMergedMap(merged);
+  const std::vector<ColoredPoint> points = ComponentPoints(MakeSnapshot(model), 0);
+  ASSERT_EQ(points.size(), 22u);
+  EXPECT_EQ(points[3].color, (std::array<uint8_t, 3>{30, 0, 200}));
+  EXPECT_LT((flight.WorldFromSubmap(0) * points[3].position - Eigen::Vector3d(30, 0, 0)).norm(), 1e-4);
+  EXPECT_EQ(points[12].id, MapPointId(14));
+  EXPECT_EQ(points[12].color, (std::array<uint8_t, 3>{20, 1, 200}));
+}
+
+TEST(MapModelTest, BadRecordsAndOldRevisionsChangeNothing) {
+  const TestFlight flight;
+  MapModel model;
+  EXPECT_NE(model.Apply(flight.Records()[1]), "") << "a session must begin with its start";
+  EXPECT_TRUE(model.SessionOrder().empty());
+  ASSERT_EQ(model.Apply(flight.Records()[0]), "");
+  EXPECT_NE(model.Apply(flight.Records()[2]), "") << "a record was left out";
+  EXPECT_TRUE(model.SetMergedMap(flight.Merged()));
+  MergedMap old;
+  old.revision = 2;
+  EXPECT_FALSE(model.SetMergedMap(old));
+  EXPECT_EQ(model.Merged().revision, 3);
+}
+
+}  // namespace
+}  // namespace mapmend
