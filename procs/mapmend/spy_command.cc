@@ -1,6 +1,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <stdexcept>
@@ -21,6 +22,7 @@ std::string RequireJar(const std::string& path, const std::string& package) {
 
 // The script lcm-spy does not start as Debian ships it (a removed JVM flag, a missing library): the class is started directly.
 [[noreturn]] void ExecSpy(const std::string& url) {
+  if (std::getenv("DISPLAY") == nullptr) throw std::runtime_error("lcm-spy opens windows, and there is no X display (DISPLAY is not set)");
   const std::string java = FindOnPath("java");
   if (java.empty()) throw std::runtime_error("lcm-spy needs Java: install the package default-jre");
   const std::string types = FindData("java/mapmend-types.jar");
