@@ -1,6 +1,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <complex>
 
 #include "libs/drawing/top_view.h"
 
@@ -15,6 +16,34 @@ Eigen::Vector3d MeanUp(const Trajectory& trajectory) {
     up -= pose.world_from_camera.rotation * Eigen::Vector3d(0, 1, 1);
   }
   return up.norm() > 1e-9 ? Eigen::Vector3d(up.normalized()) : Eigen::Vector3d(0, 0, 1);
+}
+
+// Turns the axes in their plane so that straight strips, and those across them, run along the axes. The mean direction
+// modulo 90 degrees is the angle of the sum of exp(4i angle), weighted by length; without a clear mean the axes stay.
+void AlignWithStrips(const Trajectory& trajectory, PlaneView* view) {
+  std::complex<double> sum = 0;
+  double total = 0;
+  for (size_t i = 1; i < trajectory.size(); ++i) {
+    const Eigen::Vector2d step =
+        view->Project(trajectory[i].world_from_camera.translation - trajectory[i - 1].world_from_camera.translation);
+    sum += std::polar(step.norm(), 4 * std::atan2(step.y(), step.x()));
+    total += step.norm();
+  }
+  if (total <= 0 || std::abs(sum) < 0.4 * total) return;
+  const double angle = std::arg(sum) / 4;
+  const Eigen::Vector3d x = view->x_axis, y = view->y_axis;
+  view->x_axis = std::cos(angle) * x + std::sin(angle) * y;
+  view->y_axis = std::cos(angle) * y - std::sin(angle) * x;
+  Eigen::Vector2d low = view->Project(trajectory.front().world_from_camera.translation), high = low;
+  for (const StampedPose& pose : trajectory) {
+    low = low.cwiseMin(view->Project(pose.world_from_camera.translation));
+    high = high.cwiseMax(view->Project(pose.world_from_camera.translation));
+  }
+  if (high.y() - low.y() > high.x() - low.x()) {
+    const Eigen::Vector3d old_x = view->x_axis;
+    view->x_axis = view->y_axis;
+    view->y_axis = -old_x;
+  }
 }
 
 }  // namespace
@@ -43,9 +72,13 @@ PlaneView DominantPlane(const Trajectory& trajectory) {
     normal.normalize();
   }
   if (normal.dot(up) < 0) normal = -normal;
-  // The start lies on the left.
-  if (view.x_axis.dot(trajectory.front().world_from_camera.translation - mean) > 0) view.x_axis = -view.x_axis;
   view.y_axis = normal.cross(view.x_axis);
+  AlignWithStrips(trajectory, &view);
+  // The start lies on the left.
+  if (view.x_axis.dot(trajectory.front().world_from_camera.translation - mean) > 0) {
+    view.x_axis = -view.x_axis;
+    view.y_axis = -view.y_axis;
+  }
   return view;
 }
 

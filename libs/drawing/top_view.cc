@@ -48,6 +48,7 @@ Layout MakeLayout(const TopView& view) {
     }
   }
   for (const TopViewMark& mark : view.marks) include(mark.at);
+  for (const Eigen::Vector2d& p : view.here) include(p);
   if (!any) layout.low = layout.high = Eigen::Vector2d::Zero();
   Eigen::Vector2d span = layout.high - layout.low;
   const double longest = span.maxCoeff() > 0 ? span.maxCoeff() : 1.0;
@@ -123,6 +124,17 @@ void DrawDirection(const TopViewTrack& track, const Layout& layout, Canvas* canv
   }
 }
 
+// Points closer than a pixel's fraction to the one before are left out: at 30 frames a second they only cost space.
+std::vector<Eigen::Vector2d> ToPixels(const std::vector<Eigen::Vector2d>& piece, const Layout& layout) {
+  std::vector<Eigen::Vector2d> pixels;
+  for (size_t i = 0; i < piece.size(); ++i) {
+    const Eigen::Vector2d pixel = layout.ToPixel(piece[i]);
+    const bool last = i + 1 == piece.size();
+    if (pixels.empty() || last || (pixel - pixels.back()).norm() >= 0.6) pixels.push_back(pixel);
+  }
+  return pixels;
+}
+
 void DrawTag(const TopViewTrack& track, const Layout& layout, Canvas* canvas) {
   if (track.tag.empty() || track.pieces.empty() || track.pieces.front().empty()) return;
   const Eigen::Vector2d at = layout.ToPixel(track.pieces.front().front());
@@ -164,8 +176,7 @@ void DrawTopView(const TopView& view, Canvas* canvas) {
   for (const TopViewTrack& track : view.tracks) {
     canvas->BeginGroup(track.tooltip.empty() ? track.label : track.tooltip);
     for (const auto& piece : track.pieces) {
-      std::vector<Eigen::Vector2d> pixels;
-      for (const Eigen::Vector2d& p : piece) pixels.push_back(layout.ToPixel(p));
+      const std::vector<Eigen::Vector2d> pixels = ToPixels(piece, layout);
       if (pixels.size() == 1) canvas->DrawCircle(pixels[0], track.width, track.color, NoStroke());
       canvas->DrawPolyline(pixels, {track.color, track.width, track.dashed});
     }
@@ -177,6 +188,10 @@ void DrawTopView(const TopView& view, Canvas* canvas) {
     canvas->BeginGroup(mark.tooltip);
     DrawCross(layout.ToPixel(mark.at), canvas);
     canvas->EndGroup();
+  }
+  for (const Eigen::Vector2d& p : view.here) {
+    canvas->DrawCircle(layout.ToPixel(p), 11, "", {"#1f2933", 1.5});
+    canvas->DrawCircle(layout.ToPixel(p), 5.5, "#1f2933", {"#ffffff", 1.5});
   }
   DrawLegend(view, layout, canvas);
 }

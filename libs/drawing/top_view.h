@@ -46,10 +46,11 @@ struct TopViewMark {
 
 struct TopView {
   std::string title, subtitle;
-  std::string unit = "m";            // of all positions, for the scale
-  std::vector<TopViewTrack> tracks;  // drawn in this order
-  std::vector<TopViewMark> marks;    // red crosses
-  std::string mark_label;            // of the crosses in the legend
+  std::string unit = "m";             // of all positions, for the scale
+  std::vector<TopViewTrack> tracks;   // drawn in this order
+  std::vector<TopViewMark> marks;     // red crosses
+  std::string mark_label;             // of the crosses in the legend
+  std::vector<Eigen::Vector2d> here;  // where the camera is now: at most one
 };
 
 // Size that DrawTopView wants for this view, pixels.

@@ -60,9 +60,12 @@ struct EvaluatedMap {
 };
 
 std::string TrajectorySvg(const Snapshot& snapshot, int component, const EvaluatedMap& evaluated) {
-  const bool has_truth = evaluated.ground_truth != nullptr;
-  return MakeTrajectorySvg(snapshot, component, has_truth ? &evaluated.evaluation.components[component] : nullptr,
-                           has_truth ? &evaluated.ground_truth->trajectory : nullptr);
+  TrajectoryPictureOptions options;
+  if (evaluated.ground_truth != nullptr) {
+    options.evaluation = &evaluated.evaluation.components[component];
+    options.ground_truth = &evaluated.ground_truth->trajectory;
+  }
+  return MakeTrajectorySvg(snapshot, component, options);
 }
 
 void ExportComponent(const Snapshot& snapshot, int component, const EvaluatedMap& evaluated, const fs::path& dir) {

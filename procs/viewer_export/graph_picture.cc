@@ -106,7 +106,7 @@ void DrawLabel(const Snapshot& snapshot, const Bracket& bracket, Canvas* canvas)
   const int middle = (bracket.edge->a + bracket.edge->b - 1) / 2;
   const Vector2d center(bracket.x, RowY(middle) + kRow / 2);
   char first[64], second[96];
-  std::snprintf(first, sizeof(first), "%d – %d   C %.1f", snapshot.submaps[bracket.edge->a].number,
+  std::snprintf(first, sizeof(first), "%d – %d · C %.1f", snapshot.submaps[bracket.edge->a].number,
                 snapshot.submaps[bracket.edge->b].number, c.strength);
   std::snprintf(second, sizeof(second), "F %d · M %d · θ %.1f°", c.num_connected_frames, c.num_common_points,
                 c.median_angle_deg);
@@ -191,8 +191,9 @@ void DrawKey(const GraphLayout& layout, Canvas* canvas) {
   double x = 20;
   const auto entry = [&](const std::string& text, const Canvas::Stroke& stroke) {
     canvas->DrawPolyline({{x, 66}, {x + 26, 66}}, stroke);
-    canvas->DrawText({x + 32, 70}, text, {11, kMuted});
-    x += 32 + EstimateTextWidth(text, 11) + 18;
+    if (!stroke.color.empty()) x += 32;
+    canvas->DrawText({x, 70}, text, {11, kMuted});
+    x += EstimateTextWidth(text, 11) + 18;
   };
   entry("in the tree", {"#1b7f4b", 4});
   entry("accepted, not needed", {kExtra, 1.5});

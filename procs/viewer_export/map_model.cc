@@ -4,6 +4,13 @@
 #include <utility>
 
 namespace mapmend {
+namespace {
+
+bool IsPair(const EvaluatedConnection& c, const SubmapKey& a, const SubmapKey& b) {
+  return (c.a == a && c.b == b) || (c.a == b && c.b == a);
+}
+
+}  // namespace
 
 std::string MapModel::Apply(const Record& record) {
   const std::string& id = record.header.session;
@@ -13,6 +20,7 @@ std::string MapModel::Apply(const Record& record) {
     if (!known) sessions_.erase(id);
     return problem;
   }
+  ++version_;
   if (!known) session_order_.push_back(id);
   if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body)) {
     keyframe_utimes_[id][keyframe->keyframe] = record.header.utime;
@@ -27,15 +35,29 @@ std::string MapModel::Apply(const Record& record) {
 
 bool MapModel::SetMergedMap(MergedMap map) {
   if (map.revision < merged_.revision) return false;
+  if (map.connections.empty()) map.connections = std::move(merged_.connections);
   merged_ = std::move(map);
+  ++version_;
+  return true;
+}
+
+bool MapModel::SetTransforms(MergedMap map) {
+  if (map.revision <= merged_.revision) return false;
+  map.connections = std::move(merged_.connections);
+  for (EvaluatedConnection& c : map.connections) {
+    c.in_tree = std::any_of(map.tree.begin(), map.tree.end(),
+                            [&](const auto& edge) { return IsPair(c, edge.first, edge.second); });
+  }
+  merged_ = std::move(map);
+  ++version_;
   return true;
 }
 
 void MapModel::SetConnection(const EvaluatedConnection& connection) {
-  const auto same_pair = [&](const EvaluatedConnection& other) {
-    return (other.a == connection.a && other.b == connection.b) || (other.a == connection.b && other.b == connection.a);
-  };
-  const auto it = std::find_if(merged_.connections.begin(), merged_.connections.end(), same_pair);
+  ++version_;
+  const auto it =
+      std::find_if(merged_.connections.begin(), merged_.connections.end(),
+                   [&](const EvaluatedConnection& other) { return IsPair(other, connection.a, connection.b); });
   if (it == merged_.connections.end()) {
     merged_.connections.push_back(connection);
   } else {
@@ -50,6 +72,14 @@ int64_t MapModel::KeyframeUtime(const std::string& session, KeyframeId keyframe)
 bool MapModel::AllEnded() const {
   return !sessions_.empty() &&
          std::all_of(sessions_.begin(), sessions_.end(), [](const auto& entry) { return entry.second.ended; });
+}
+
+bool MapModel::IsComplete() const {
+  if (!merged_.final || !AllEnded()) return false;
+  return std::all_of(sessions_.begin(), sessions_.end(), [&](const auto& entry) {
+    const auto it = merged_.cursors.find(entry.first);
+    return it != merged_.cursors.end() && it->second == entry.second.last_seq;
+  });
 }
 
 }  // namespace mapmend

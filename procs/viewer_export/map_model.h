@@ -17,8 +17,12 @@ class MapModel {
   // nothing has changed. What no export needs (descriptors, words) is dropped.
   std::string Apply(const Record& record);
 
-  // Takes over a merged map. An older revision than the one held is ignored (false).
+  // Takes over a complete revision of the merged map. An older revision than the one held is ignored (false). A
+  // revision that brings no connections leaves those known.
   bool SetMergedMap(MergedMap map);
+  // Takes over transforms that came ahead of the rest of their revision: connections stay, refined poses go. Ignored
+  // (false) unless newer than what is held.
+  bool SetTransforms(MergedMap map);
   // One connection as evaluated now; replaces what was known of the pair until the next revision.
   void SetConnection(const EvaluatedConnection& connection);
 
@@ -29,12 +33,17 @@ class MapModel {
   // When a keyframe's image was taken, also of culled ones.
   int64_t KeyframeUtime(const std::string& session, KeyframeId keyframe) const;
   bool AllEnded() const;
+  // Whether the merged map is the final one, and every record it was made from is known here.
+  bool IsComplete() const;
+  // Grows with every change.
+  int64_t Version() const { return version_; }
 
  private:
   std::map<std::string, Session> sessions_;
   std::vector<std::string> session_order_;
   std::map<std::string, std::map<KeyframeId, int64_t>> keyframe_utimes_;
   MergedMap merged_;
+  int64_t version_ = 0;
 };
 
 }  // namespace mapmend

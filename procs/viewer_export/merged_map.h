@@ -53,8 +53,10 @@ struct RefinedSubmap {
 struct MergedMap {
   int64_t revision = -1;  // -1: none yet
   bool refined = false;
-  bool final = false;  // every session has ended and refinement is done
+  bool final = false;                      // every session has ended and refinement is done
+  std::map<std::string, int64_t> cursors;  // session: last record it was made from
   std::vector<MergedSubmap> submaps;
+  std::vector<std::pair<SubmapKey, SubmapKey>> tree;
   std::vector<EvaluatedConnection> connections;
   std::map<SubmapKey, RefinedSubmap> refinement;
 };

@@ -23,9 +23,10 @@ std::string Subtitle(const Snapshot& snapshot, const SnapshotComponent& componen
 
 }  // namespace
 
-std::string MakeTrajectorySvg(const Snapshot& snapshot, int component_index, const Evaluation* evaluation,
-                              const Trajectory* ground_truth) {
+std::string MakeTrajectorySvg(const Snapshot& snapshot, int component_index, const TrajectoryPictureOptions& options) {
   const SnapshotComponent& component = snapshot.components[component_index];
+  const Evaluation* evaluation = options.evaluation;
+  const Trajectory* ground_truth = options.ground_truth;
   const bool aligned = ground_truth != nullptr && evaluation != nullptr && evaluation->success;
   const Similarity3 view_from_root = aligned ? evaluation->reference_from_estimate : Similarity3();
   const PlaneView plane = aligned ? GroundPlane(*ground_truth) : DominantPlane(ToTrajectory(component.frames));
@@ -61,6 +62,7 @@ std::string MakeTrajectorySvg(const Snapshot& snapshot, int component_index, con
     }
   }
   view.mark_label = "tracking lost";
+  if (options.here) view.here.push_back(plane.Project(view_from_root * *options.here));
   return TopViewSvg(view);
 }
 

@@ -1,0 +1,55 @@
+// viewer_export: follows a flight, shows it on a live page and writes the exports when the final map is there.
+
+#include "libs/bus/bus.h"
+#include "libs/bus/process.h"
+#include "procs/viewer_export/exporter.h"
+#include "procs/viewer_export/live_server.h"
+#include "procs/viewer_export/viewer.h"
+
+namespace mapmend {
+namespace {
+
+int Main(int argc, char** argv) {
+  CLI::App app(
+      "Shows the map while it grows and writes it out when it is final: trajectories, point cloud, graph, report.",
+      "viewer_export");
+  ProcessOptions process;
+  ViewerOptions options;
+  std::string ground_truth, report, bind = "127.0.0.1";
+  int port = 0;
+  AddProcessOptions(&app, &process);
+  app.add_option("--out", options.out, "Directory for the exports (default: none are written)");
+  app.add_option("--groundtruth", ground_truth, "TUM file to compare the map with");
+  app.add_option("--port", port, "TCP port of the live page, 0 for none")
+      ->check(CLI::Range(0, 65535))
+      ->capture_default_str();
+  app.add_option("--bind", bind, "Address on which the live page listens")->capture_default_str();
+  app.add_option("--report", report,
+                 "Only make DIR/report.html again from DIR/summary.json and the pictures in DIR, then exit")
+      ->type_name("DIR");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e);
+  }
+  ApplyLogLevel(process);
+  if (!report.empty()) {
+    RebuildReport(report);
+    return 0;
+  }
+  // What can be wrong with the arguments shows before anything is connected.
+  if (!ground_truth.empty()) options.ground_truth = GroundTruth{ground_truth, ReadTrajectory(ground_truth)};
+  if (!options.out.empty()) PrepareDirectory(options.out);
+  std::unique_ptr<LiveServer> server;
+  if (port > 0) server = std::make_unique<LiveServer>(bind, port, options.out);
+  InstallSignalHandlers();
+  Bus bus(ResolveLcmUrl(process.lcm_url), process.channel_prefix);
+  Viewer viewer(options, std::move(server), &bus);
+  viewer.Run();
+  return 0;
+}
+
+}  // namespace
+}  // namespace mapmend
+
+int main(int argc, char** argv) { return mapmend::RunMain("viewer_export", mapmend::Main, argc, argv); }

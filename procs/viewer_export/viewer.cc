@@ -1,0 +1,165 @@
+#include "procs/viewer_export/viewer.h"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <mapmend/connection_t.hpp>
+#include <mapmend/frame_pose_t.hpp>
+#include <mapmend/health_t.hpp>
+#include <mapmend/merged_transforms_t.hpp>
+#include <mapmend/revision_part_t.hpp>
+#include <mapmend/revision_t.hpp>
+#include <vector>
+
+#include "libs/bus/bus.h"
+#include "libs/bus/channels.h"
+#include "libs/bus/health.h"
+#include "libs/bus/process.h"
+#include "libs/bus/store_client.h"
+#include "libs/bus/stream_consumer.h"
+#include "procs/viewer_export/exporter.h"
+#include "procs/viewer_export/live_server.h"
+#include "procs/viewer_export/live_state.h"
+#include "procs/viewer_export/revision_codec.h"
+
+namespace mapmend {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// How long one read of a revision may take before the loop goes on; it is tried again.
+constexpr int kFetchTimeoutMs = 1500;
+// How often the store is asked for a revision that was not announced here (it may have been made before this process
+// began).
+constexpr auto kAskInterval = std::chrono::seconds(1);
+// The live page is worked out again at most this often.
+constexpr auto kLiveInterval = std::chrono::milliseconds(500);
+
+}  // namespace
+
+struct Viewer::Impl {
+  Impl(const ViewerOptions& viewer_options, std::unique_ptr<LiveServer> live_server, Bus* the_bus)
+      : options(viewer_options),
+        bus(the_bus),
+        health(bus, "viewer_export"),
+        store(bus, "viewer_export-" + std::to_string(getpid())),
+        consumer(bus, &store, [this](const Record& record) { OnRecord(record); }),
+        server(std::move(live_server)) {
+    Subscribe();
+  }
+
+  void Subscribe();
+  void OnRecord(const Record& record);
+  void FetchRevision();
+  void ExportIfComplete();
+  void ReportHealth();
+  void UpdateLivePage();
+  const GroundTruth* TruthOrNull() const { return options.ground_truth ? &*options.ground_truth : nullptr; }
+
+  const ViewerOptions options;
+  Bus* bus;
+  HealthReporter health;
+  StoreClient store;
+  StreamConsumer consumer;
+  MapModel model;
+  std::unique_ptr<LiveServer> server;
+  LiveInputs live;
+  int64_t num_bad_records = 0;
+  int64_t announced = -1;         // newest revision that the merger spoke of
+  int64_t fetched = -1;           // newest revision read from the store
+  int64_t exported_version = -1;  // of the model, when it was last exported
+  Clock::time_point next_ask, next_live;
+};
+
+void Viewer::Impl::Subscribe() {
+  bus->Subscribe<merged_transforms_t>(channels::kMergedTransforms, Delivery::kKeepAll,
+                                      [this](const merged_transforms_t& message) {
+                                        model.SetTransforms(DecodeTransforms(message));
+                                        announced = std::max(announced, message.revision);
+                                      });
+  bus->Subscribe<connection_t>(channels::kConnection, Delivery::kKeepAll,
+                               [this](const connection_t& message) { model.SetConnection(DecodeConnection(message)); });
+  if (server == nullptr) return;
+  bus->Subscribe<frame_pose_t>(channels::kFramePose, Delivery::kLatest,
+                               [this](const frame_pose_t& message) { live.OnFramePose(message); });
+  bus->Subscribe<health_t>(channels::kHealth, Delivery::kKeepAll,
+                           [this](const health_t& message) { live.OnHealth(message); });
+}
+
+void Viewer::Impl::OnRecord(const Record& record) {
+  const std::string problem = model.Apply(record);
+  if (problem.empty()) return;
+  if (num_bad_records++ == 0) {
+    spdlog::error("viewer_export: record {} of session {}: {}", record.header.seq, record.header.session, problem);
+  }
+}
+
+// Reads the newest stored revision when one was announced that is not known in full, or now and then when everything
+// has ended.
+void Viewer::Impl::FetchRevision() {
+  const bool behind = announced > fetched;
+  const bool waiting = model.AllEnded() && !model.IsComplete();
+  if ((!behind && !waiting) || Clock::now() < next_ask) return;
+  next_ask = Clock::now() + kAskInterval;
+  revision_t message;
+  std::vector<revision_part_t> parts;
+  if (store.FetchRevision(-1, &message, &parts, kFetchTimeoutMs) != StoreClient::RevisionStatus::kOk) return;
+  if (message.transforms.revision <= fetched) return;
+  try {
+    model.SetMergedMap(DecodeRevision(message, parts));
+  } catch (const std::exception& e) {
+    spdlog::error("viewer_export: revision {}: {}", message.transforms.revision, e.what());
+  }
+  fetched = message.transforms.revision;
+}
+
+void Viewer::Impl::ExportIfComplete() {
+  // A final revision counts once it has been read with its parts, not when only its transforms were announced.
+  if (!model.IsComplete() || model.Merged().revision > fetched) {
+    health.SetState(model.SessionOrder().empty() ? "ready" : "busy");
+    return;
+  }
+  if (exported_version == model.Version()) return;
+  exported_version = model.Version();
+  if (!options.out.empty()) {
+    const auto start = Clock::now();
+    ExportAll(model, TruthOrNull(), options.out);
+    spdlog::info("viewer_export: revision {} written to {} in {:.2f} s", model.Merged().revision, options.out,
+                 std::chrono::duration<double>(Clock::now() - start).count());
+  }
+  health.SetState("done", options.out.empty() ? "" : "exports are in " + options.out);
+}
+
+void Viewer::Impl::ReportHealth() {
+  for (const StreamConsumer::Cursor& cursor : consumer.Cursors()) health.SetCursor(cursor.session, cursor.seq);
+  health.SetQueueDepth(consumer.QueueDepth());
+  health.SetCounter("revision", static_cast<double>(model.Merged().revision));
+  health.SetCounter("bad_messages", static_cast<double>(bus->NumRefused() + consumer.NumRefused() + num_bad_records));
+  health.Tick();
+}
+
+void Viewer::Impl::UpdateLivePage() {
+  if (server == nullptr || Clock::now() < next_live || !server->WantsState()) return;
+  server->SetState(MakeLiveState(model, live, TruthOrNull(), exported_version == model.Version()));
+  next_live = Clock::now() + kLiveInterval;
+}
+
+Viewer::Viewer(const ViewerOptions& options, std::unique_ptr<LiveServer> server, Bus* bus)
+    : impl_(std::make_unique<Impl>(options, std::move(server), bus)) {}
+
+Viewer::~Viewer() = default;
+
+void Viewer::Run() {
+  if (impl_->server != nullptr) spdlog::info("viewer_export: live page at {}", impl_->server->Url());
+  while (!StopRequested()) {
+    impl_->consumer.Spin(50);
+    impl_->FetchRevision();
+    impl_->ExportIfComplete();
+    impl_->ReportHealth();
+    impl_->UpdateLivePage();
+  }
+}
+
+}  // namespace mapmend

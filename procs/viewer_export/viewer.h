@@ -1,0 +1,35 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "procs/viewer_export/map_evaluation.h"
+
+namespace mapmend {
+
+class Bus;
+class LiveServer;
+
+struct ViewerOptions {
+  std::string out;                          // directory of the exports, see PrepareDirectory; empty: none are written
+  std::optional<GroundTruth> ground_truth;  // to compare the map with
+};
+
+// The adapter between the bus and the map model: follows the stream and the merger, writes the exports when the final
+// merged map is there, and keeps the live page up to date.
+class Viewer {
+ public:
+  // server: null for no live page. The bus must outlive the viewer.
+  Viewer(const ViewerOptions& options, std::unique_ptr<LiveServer> server, Bus* bus);
+  ~Viewer();
+
+  // Runs until StopRequested().
+  void Run();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mapmend
