@@ -16,6 +16,8 @@ void AddReplayCommand(CLI::App* app);
 void AddStatusCommand(CLI::App* app);
 void AddSpyCommand(CLI::App* app);
 void AddDoctorCommand(CLI::App* app);
+void AddVocabCommand(CLI::App* app);
+void AddVocabRecallCommand(CLI::App* vocab);  // part of AddVocabCommand
 void AddHubCommand(CLI::App* app);
 
 // One `mapmend NAME ARGUMENTS...` that is another program, or a subcommand of one: executes it with the arguments as they are.

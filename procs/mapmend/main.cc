@@ -17,6 +17,7 @@ int main(int argc, char** argv) {
   mapmend::AddSpyCommand(&app);
   mapmend::AddDoctorCommand(&app);
   mapmend::AddForwardCommands(&app);
+  mapmend::AddVocabCommand(&app);
   mapmend::AddHubCommand(&app);
   try {
     app.parse(argc, argv);
