@@ -1,6 +1,7 @@
 #include "procs/frontend/frontend.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 
 #include "libs/retrieval/vocabulary.h"
@@ -34,7 +35,12 @@ Frontend::Frontend(const FrontendOptions& options, const Pinhole& camera, const 
 
 FrameOutcome Frontend::ProcessFrame(const FramePtr& frame) {
   frame->points.assign(frame->features.Size(), -1);
-  return map_ ? TrackFrame(frame) : Initialise(frame);
+  const auto begin = std::chrono::steady_clock::now();
+  mapping_s_ = 0;
+  FrameOutcome outcome = map_ ? TrackFrame(frame) : Initialise(frame);
+  outcome.mapping_s = mapping_s_;
+  outcome.tracking_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() - mapping_s_;
+  return outcome;
 }
 
 FrameOutcome Frontend::Initialise(const FramePtr& frame) {
@@ -193,36 +199,38 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
 }
 
 bool Frontend::NeedsKeyframe(const Frame& frame, const TrackResult& result) const {
-  const int reference = result.reference_keyframe;
-  const Frame& key = *map_->Keyframe(reference).frame;
-  int total = 0, seen = 0;
-  std::vector<double> shifts;
-  for (const int p : key.points) total += p >= 0;
+  const Frame& key = *map_->Keyframe(result.reference_keyframe).frame;
+  // Points that only two keyframes saw are often not found again, through no fault of this frame's.
+  constexpr size_t kSolidObservations = 3;
+  int solid = 0;
   std::vector<std::pair<int, int>> by_point;  // point, feature of the keyframe
   for (size_t i = 0; i < key.points.size(); ++i) {
-    if (key.points[i] >= 0) by_point.emplace_back(key.points[i], static_cast<int>(i));
+    if (key.points[i] < 0) continue;
+    solid += map_->Point(key.points[i]).observations.size() >= kSolidObservations;
+    by_point.emplace_back(key.points[i], static_cast<int>(i));
   }
+  if (result.num_inliers < options_.keyframe_ratio * solid) return true;
   std::sort(by_point.begin(), by_point.end());
+  std::vector<double> shifts;
   for (size_t i = 0; i < frame.points.size(); ++i) {
     if (frame.points[i] < 0) continue;
     const auto it = std::lower_bound(by_point.begin(), by_point.end(), std::pair(frame.points[i], -1));
     if (it == by_point.end() || it->first != frame.points[i]) continue;
-    ++seen;
     shifts.push_back((frame.features.keypoints[i].pixel - key.features.keypoints[it->second].pixel).norm());
   }
-  if (total == 0 || shifts.empty()) return true;
-  const double ratio = static_cast<double>(seen) / total;
-  if (ratio < options_.keyframe_ratio) return true;
+  if (shifts.empty()) return true;
   std::nth_element(shifts.begin(), shifts.begin() + shifts.size() / 2, shifts.end());
-  return ratio < 0.9 && shifts[shifts.size() / 2] > options_.keyframe_motion * camera_.width;
+  return shifts[shifts.size() / 2] > options_.keyframe_motion * camera_.width;
 }
 
 void Frontend::InsertKeyframe(const FramePtr& frame) {
   last_keyframe_ = map_->AddKeyframe(frame);
   last_reference_ = last_keyframe_;
+  const auto begin = std::chrono::steady_clock::now();
   mapper_.Process(last_keyframe_, map_.get());
   NoteFrame(*frame, last_keyframe_);
   Publish(frame->utime);
+  mapping_s_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
 void Frontend::NoteFrame(const Frame& frame, int reference_keyframe) {

@@ -22,9 +22,8 @@ struct FrontendOptions {
   LocalMapperOptions mapper;
   int max_lost_frames = 3;          // consecutive frames without orientation: the submap is closed (paper §3.2)
   int relocalisation_frames = 10;   // further frames in which the submap may be found again before it is closed
-  double keyframe_ratio = 0.75;     // new keyframe when less of the reference keyframe's points are seen
-  double keyframe_motion = 0.06;    // or when the view has moved by this share of the image width (and ratio < 0.9)
-  int max_frames_between_keyframes = 30;
+  double keyframe_ratio = 0.8;      // new keyframe when fewer points are seen than this share of the reference keyframe's
+  double keyframe_motion = 0.06;    // or when the view has moved from it by this share of the image width
   int confirm_frames = 2;           // frames that must be tracked in a new submap before it is believed
 };
 
@@ -38,6 +37,7 @@ struct FrameOutcome {
   bool keyframe = false;
   SubmapId submap;
   Rigid3 cam_from_submap;
+  double tracking_s = 0, mapping_s = 0;  // time spent
 };
 
 // Tracking, mapping and the life of submaps (paper §3.1, §3.2), without input or transport: frames go in in order, records of
@@ -92,6 +92,7 @@ class Frontend {
   int first_unpublished_keyframe_ = 0;
   std::vector<TrackedFrame> tracked_frames_;  // not yet published
   int num_tracked_ = 0, num_losses_ = 0;
+  double mapping_s_ = 0;                     // of the current frame
 };
 
 }  // namespace mapmend

@@ -1,0 +1,41 @@
+// Tracks one camera: images in, keyframes and loss events out (paper §3.1, §3.2).
+
+#include <exception>
+#include <iostream>
+
+#include "procs/frontend/run_options.h"
+
+int main(int argc, char** argv) {
+  mapmend::RunOptions options;
+  CLI::App app("frontend: tracks one camera and publishes keyframes, map updates and loss events.", "frontend");
+  mapmend::AddProcessOptions(&app, &options.process);
+  app.add_option("input", options.input, "video file or folder of images")->required();
+  app.add_option("--camera", options.camera_path, "calibration: ORB-SLAM, Kalibr or OpenCV yaml, or COLMAP cameras.txt")->required();
+  app.add_option("--times", options.times_path, "time of each frame in seconds, one per line; else from the frame rate");
+  app.add_option("--vocabulary", options.vocabulary_path, "vocabulary (mapmend's or DBoW2's text format)")->required();
+  app.add_option("--skip-frames", options.skip_frames, "frames to leave out, e.g. 80-120,200-240");
+  app.add_option("--features", options.num_features, "ORB features per image")->capture_default_str();
+  app.add_option("--max-dimension", options.max_dimension, "scale larger images down to this many pixels; 0: never")->capture_default_str();
+  app.add_option("--seed", options.seed, "of all random sampling")->capture_default_str();
+  app.add_option("--session", options.session, "name of the session (UUID); else made from input, options and seed");
+  app.add_option("--outbox", options.outbox_path, "file that keeps what the store has not acknowledged");
+  app.add_option("--vehicle", options.vehicle, "name of the vehicle, for the record");
+  app.add_option("--lost-frames", options.frontend.max_lost_frames, "consecutive frames without orientation that end a submap")
+      ->capture_default_str();
+  app.add_option("--relocalisation-frames", options.frontend.relocalisation_frames,
+                 "further frames in which a lost submap may be found again")
+      ->capture_default_str();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e);
+  }
+  mapmend::ApplyLogLevel(options.process);
+  mapmend::InstallSignalHandlers();
+  try {
+    return mapmend::RunFrontend(options);
+  } catch (const std::exception& e) {
+    std::cerr << "frontend: " << e.what() << "\n";
+    return 1;
+  }
+}

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <string>
+
+#include "libs/bus/process.h"
+#include "procs/frontend/frontend.h"
+
+namespace mapmend {
+
+// The frontend's command line.
+struct RunOptions {
+  ProcessOptions process;
+  std::string input, camera_path, times_path, vocabulary_path, skip_frames, session, outbox_path, vehicle;
+  int num_features = 1000;
+  int max_dimension = 0;  // pixels; larger images are scaled down; 0: never
+  uint64_t seed = 1;
+  FrontendOptions frontend;
+};
+
+// Every option as JSON, for the record in the session's first message.
+std::string ToJson(const RunOptions& options);
+
+// A session's name for a file: the same input, options and seed give the same UUID, so that a run can be repeated bit for bit.
+std::string SessionForFile(const RunOptions& options);
+
+// Runs the frontend on its input until the end, or until a signal asks it to stop. Returns the process's exit code: 0, or 3 if
+// the input turned out to be truncated (what could be read is mapped).
+int RunFrontend(const RunOptions& options);
+
+}  // namespace mapmend
