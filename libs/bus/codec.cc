@@ -18,6 +18,7 @@ namespace {
 
 constexpr int kMaxOctave = 63;
 constexpr int kMaxFrames = 1 << 30;
+constexpr int kMaxId = 1 << 30;
 constexpr size_t kMaxText = 4096;         // characters of names and reasons
 constexpr size_t kMaxSettings = 1 << 20;  // characters of the settings
 
@@ -95,7 +96,7 @@ RecordBody Decode(const session_t& m) {
 }
 
 RecordBody Decode(const submap_t& m) {
-  Require(m.submap >= 0, "submap is negative");
+  Require(m.submap >= 0 && m.submap <= kMaxId, "submap is out of range");
   if (m.event == submap_t::STARTED) return SubmapStarted{SubmapId(m.submap)};
   Require(m.event == submap_t::ENDED, "unknown event");
   RequireText(m.reason);
@@ -105,7 +106,8 @@ RecordBody Decode(const submap_t& m) {
 }
 
 RecordBody Decode(const keyframe_t& m) {
-  Require(m.submap >= 0 && m.keyframe >= 0, "submap or keyframe is negative");
+  Require(m.submap >= 0 && m.submap <= kMaxId && m.keyframe >= 0 && m.keyframe <= kMaxId,
+          "submap or keyframe is out of range");
   Require(m.frame >= -1, "frame is out of range");
   const auto n = static_cast<size_t>(m.num_features);
   Require(m.descriptors.size() == n * sizeof(Descriptor), "num_descriptor_bytes is not 32 * num_features");
@@ -122,7 +124,7 @@ RecordBody Decode(const keyframe_t& m) {
   body.map_points.resize(n);
   for (size_t i = 0; i < n; ++i) {
     Require(m.octave[i] >= 0 && m.octave[i] <= kMaxOctave, "octave is out of range");
-    Require(m.map_point[i] >= -1, "map_point is out of range");
+    Require(m.map_point[i] >= -1 && m.map_point[i] <= kMaxId, "map_point is out of range");
     Require(m.word[i] >= -1 && m.node[i] >= -1, "word or node is out of range");
     body.features.keypoints[i] = {{m.x[i], m.y[i]}, m.angle[i], m.octave[i]};
     body.map_points[i] = MapPointId(m.map_point[i]);
@@ -142,15 +144,15 @@ RecordBody Decode(const keyframe_t& m) {
 }
 
 RecordBody Decode(const map_update_t& m) {
-  Require(m.submap >= 0, "submap is negative");
+  Require(m.submap >= 0 && m.submap <= kMaxId, "submap is out of range");
   Require(m.num_pose_values == 7 * static_cast<int64_t>(m.num_keyframes), "num_pose_values is not 7 * num_keyframes");
   Require(m.num_position_values == 3 * static_cast<int64_t>(m.num_points), "num_position_values is not 3 * num_points");
   Require(m.num_frame_pose_values == 7 * static_cast<int64_t>(m.num_frames), "num_frame_pose_values is not 7 * num_frames");
   Require(AllFinite(m.position), "position is not finite");
   const auto require_ids = [](const std::vector<int32_t>& ids) {
-    for (const int32_t id : ids) Require(id >= 0, "id is negative");
+    for (const int32_t id : ids) Require(id >= 0 && id <= kMaxId, "id is out of range");
   };
-  for (const auto* ids : {&m.keyframe, &m.point, &m.removed_keyframe, &m.removed_point, &m.frame_keyframe,
+  for (const std::vector<int32_t>* ids : {&m.keyframe, &m.point, &m.removed_keyframe, &m.removed_point, &m.frame_keyframe,
                           &m.observation_keyframe, &m.observation_feature, &m.frame}) {
     require_ids(*ids);
   }
@@ -189,6 +191,18 @@ Record DecodeAs(const uint8_t* data, int size) {
 }
 
 }  // namespace
+
+std::optional<RecordHeader> PeekHeader(const uint8_t* data, int size) {
+  constexpr int kHashSize = 8;
+  record_header_t header{};
+  try {
+    if (size < kHashSize || header._decodeNoHash(data, kHashSize, size - kHashSize) < 0) return std::nullopt;
+  } catch (const std::exception&) {  // a string of negative length
+    return std::nullopt;
+  }
+  if (!IsSessionId(header.session) || header.seq < 0) return std::nullopt;
+  return RecordHeader{header.session, header.seq, header.utime};
+}
 
 bool IsSessionId(const std::string& text) {
   return !text.empty() && text.size() <= 64 && std::all_of(text.begin(), text.end(), [](char c) {

@@ -27,6 +27,9 @@ struct DecodedRecord {
 DecodedRecord DecodeRecord(const std::string& channel, const uint8_t* data, int size);
 
 
+// The header alone, which stands first in every record behind the type's hash. nullopt if it is not valid.
+std::optional<RecordHeader> PeekHeader(const uint8_t* data, int size);
+
 // Session names: 1 to 64 letters, digits, - or _ (UUIDs fit).
 bool IsSessionId(const std::string& text);
 // MAPMEND_SESSION, MAPMEND_SUBMAP, MAPMEND_KEYFRAME and MAPMEND_MAP_UPDATE.

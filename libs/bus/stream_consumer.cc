@@ -8,7 +8,6 @@
 #include <mapmend/ack_t.hpp>
 #include <mapmend/fetch_t.hpp>
 #include <mapmend/fetched_t.hpp>
-#include <mapmend/record_header_t.hpp>
 
 #include "libs/bus/channels.h"
 #include "libs/bus/codec.h"
@@ -85,15 +84,14 @@ struct StreamConsumer::Impl {
     session->live.erase(it);
   }
 
-  // Only the header is looked at: it stands first in every record, behind the type's hash.
   void OnRecord(const std::string& channel, const uint8_t* data, int size) {
-    record_header_t header{};
-    if (size < 8 || header._decodeNoHash(data, 8, size - 8) < 0 || !IsSessionId(header.session) || header.seq < 0) {
+    const std::optional<RecordHeader> header = PeekHeader(data, size);
+    if (!header) {
       ++num_refused;
       return;
     }
     // Unknown sessions come to be known by an ack or by the store's list: anybody can send a record.
-    if (SessionState* session = Find(header.session)) Keep(session, header.seq, channel, data, size);
+    if (SessionState* session = Find(header->session)) Keep(session, header->seq, channel, data, size);
   }
 
   void OnAck(const ack_t& ack) {

@@ -116,8 +116,8 @@ Rigid3 Submap::CamFromSubmap(const TrackedFrame& frame) const {
 }
 
 std::string Session::Apply(const Record& record) {
-  if (record.header.seq != last_seq + 1) {
-    return "expected seq " + std::to_string(last_seq + 1) + ", got " + std::to_string(record.header.seq);
+  if (record.header.seq <= last_seq) {
+    return "seq " + std::to_string(record.header.seq) + " after " + std::to_string(last_seq);
   }
   if (ended) return "record after the end of the session";
   std::string error;
@@ -144,6 +144,7 @@ std::string Session::Apply(const Record& record) {
     const auto it = submaps.find(submap_id);
     if (it == submaps.end()) return "unknown submap " + std::to_string(submap_id.value);
     Submap& submap = it->second;
+    if (submap.ended) return "submap " + std::to_string(submap_id.value) + " has ended";
     if (const auto* submap_end = std::get_if<SubmapEnded>(&record.body)) {
       submap.ended = true;
       submap.end_reason = submap_end->reason;

@@ -57,8 +57,9 @@ struct Session {
   SessionStarted info;
   std::map<SubmapId, Submap> submaps;
 
-  // Applies the next record. Returns an empty string, or one line that says what is wrong with it (wrong seq, unknown
-  // submap, keyframe, point or feature index, non-finite value); then the session is unchanged.
+  // Applies the next record. Returns an empty string, or one line that says what is wrong with it (seq not above the last,
+  // unknown submap, keyframe, point or feature index, a submap that has ended, non-finite value); then the session is
+  // unchanged. A seq may be left out: that record is lost, and the store's gap table says why.
   std::string Apply(const Record& record);
 };
 

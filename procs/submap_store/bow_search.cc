@@ -1,0 +1,239 @@
+#include "procs/submap_store/bow_search.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "procs/submap_store/blob.h"
+#include "procs/submap_store/submap_model.h"
+
+namespace mapmend {
+namespace {
+
+constexpr size_t kMaxTrackers = 8;
+constexpr int kDefaultResults = 20, kMaxResults = 200;
+
+// Rows are numbered from 1, the index counts sessions from 0.
+int32_t IndexNumber(int64_t session) { return static_cast<int32_t>(session - 1); }
+
+}  // namespace
+
+void BowSearch::AddSession(const SessionRow& session) { sessions_[session.id].row = session; }
+
+void BowSearch::StartSubmap(int64_t session, SubmapId submap, int64_t seq) { submaps_[{session, submap}].start_seq = seq; }
+
+void BowSearch::AddKeyframe(int64_t session, SubmapId submap, KeyframeId keyframe, int64_t seq, const BowVector& bow) {
+  IndexEntry entry;
+  entry.session = IndexNumber(session);
+  entry.submap = submap.value;
+  entry.keyframe = keyframe.value;
+  entry.seq = seq;
+  sessions_.at(session).handles[keyframe.value] = index_.Add(bow, entry);
+  covisible_.emplace_back();
+}
+
+void BowSearch::RemoveKeyframe(int64_t session, KeyframeId keyframe, int64_t seq) {
+  const auto& handles = sessions_.at(session).handles;
+  const auto it = handles.find(keyframe.value);
+  if (it != handles.end()) index_.Remove(it->second, seq);
+}
+
+void BowSearch::EndSubmap(int64_t session, SubmapId submap, int64_t seq) { submaps_[{session, submap}].end_seq = seq; }
+
+void BowSearch::SetCovisible(int64_t session, KeyframeId keyframe, const std::vector<int32_t>& covisible) {
+  const auto& handles = sessions_.at(session).handles;
+  const auto it = handles.find(keyframe.value);
+  if (it != handles.end()) covisible_[static_cast<size_t>(it->second)] = covisible;
+}
+
+void BowSearch::FinishSubmap(int64_t session, SubmapId submap) { submaps_[{session, submap}].is_final = true; }
+
+void BowSearch::Load() {
+  for (const SessionRow& session : database_->Sessions()) AddSession(session);
+  {
+    auto rows = database_->Prepare("SELECT session, submap, start_seq, end_seq, has_geometry FROM submap");
+    while (rows->executeStep()) {
+      SubmapInfo& info = submaps_[{rows->getColumn(0).getInt64(), SubmapId(rows->getColumn(1).getInt())}];
+      info.start_seq = rows->getColumn(2).getInt64();
+      info.end_seq = rows->getColumn(3).isNull() ? -1 : rows->getColumn(3).getInt64();
+      info.is_final = rows->getColumn(4).getInt() != 0;
+    }
+  }
+  // Both tables are read in the order of their keys, which are the same.
+  auto rows = database_->Prepare(
+      "SELECT k.session, k.submap, k.keyframe, k.seq, k.removed_seq, b.words, b.weights FROM keyframe k "
+      "JOIN keyframe_bow b ON b.session = k.session AND b.keyframe = k.keyframe ORDER BY k.session, k.keyframe");
+  while (rows->executeStep()) {
+    const int64_t session = rows->getColumn(0).getInt64();
+    const KeyframeId keyframe(rows->getColumn(2).getInt());
+    AddKeyframe(session, SubmapId(rows->getColumn(1).getInt()), keyframe, rows->getColumn(3).getInt64(),
+                {ReadBlob<int32_t>(rows->getColumn(5)), ReadBlob<float>(rows->getColumn(6))});
+    if (!rows->getColumn(4).isNull()) RemoveKeyframe(session, keyframe, rows->getColumn(4).getInt64());
+  }
+  auto geometry = database_->Prepare("SELECT session, keyframe, covisible FROM keyframe_geometry");
+  while (geometry->executeStep()) {
+    SetCovisible(geometry->getColumn(0).getInt64(), KeyframeId(geometry->getColumn(1).getInt()),
+                 ReadBlob<int32_t>(geometry->getColumn(2)));
+  }
+}
+
+const BowSearch::SessionInfo* BowSearch::FindSession(const std::string& uuid) const {
+  for (const auto& [id, session] : sessions_) {
+    if (session.row.uuid == uuid) return &session;
+  }
+  return nullptr;
+}
+
+std::optional<BowVector> BowSearch::ReadBow(int64_t session, int32_t keyframe) {
+  auto query = database_->Prepare("SELECT words, weights FROM keyframe_bow WHERE session = ? AND keyframe = ?");
+  query->bind(1, session);
+  query->bind(2, keyframe);
+  if (!query->executeStep()) return std::nullopt;
+  return BowVector{ReadBlob<int32_t>(query->getColumn(0)), ReadBlob<float>(query->getColumn(1))};
+}
+
+// The submap as it was, for this requester: each asks for later and later states, but not all at the same pace.
+const Submap& BowSearch::AsOf(const std::string& requester, const SubmapIndex& submap, int64_t seq) {
+  const SubmapInfo& info = submaps_.at(submap);
+  if (info.end_seq >= 0) seq = std::min(seq, info.end_seq);
+  auto it = std::find_if(trackers_.begin(), trackers_.end(), [&](const CachedTracker& cached) {
+    return cached.requester == requester && cached.submap == submap;
+  });
+  if (it == trackers_.end()) {
+    if (trackers_.size() >= kMaxTrackers) trackers_.pop_back();
+    trackers_.push_front({requester, submap,
+                          SubmapTracker(database_, sessions_.at(submap.first).row, submap.second, info.start_seq)});
+  } else {
+    trackers_.splice(trackers_.begin(), trackers_, it);
+  }
+  return trackers_.front().tracker.AsOf(seq);
+}
+
+std::vector<int32_t> BowSearch::ToHandles(int64_t session, const std::vector<KeyframeId>& keyframes) const {
+  const auto& handles = sessions_.at(session).handles;
+  std::vector<int32_t> result;
+  for (const KeyframeId id : keyframes) {
+    const auto it = handles.find(id.value);
+    if (it != handles.end()) result.push_back(it->second);
+  }
+  return result;
+}
+
+std::vector<int32_t> BowSearch::Covisible(const std::string& requester, int32_t handle, int64_t seq) {
+  const IndexEntry& entry = index_.Entry(handle);
+  const SubmapIndex submap{entry.session + 1, SubmapId(entry.submap)};
+  const SubmapInfo& info = submaps_.at(submap);
+  std::vector<KeyframeId> keyframes;
+  if (info.is_final && seq >= info.end_seq) {
+    for (const int32_t id : covisible_[static_cast<size_t>(handle)]) keyframes.emplace_back(id);
+  } else {
+    keyframes = CovisibleKeyframes(AsOf(requester, submap, seq), KeyframeId(entry.keyframe));
+  }
+  return ToHandles(submap.first, keyframes);
+}
+
+bow_result_t BowSearch::Query(const bow_query_t& query) {
+  bow_result_t result{};
+  result.id = query.id;
+  result.requester = query.requester;
+  result.session = query.session;
+  result.keyframe = query.keyframe;
+  result.adjacent = result.nearby = -1;
+  const auto fail = [&](int8_t status) {
+    result.status = status;
+    return result;
+  };
+
+  IndexScope scope;
+  scope.last_seq.assign(sessions_.empty() ? 0 : static_cast<size_t>(sessions_.rbegin()->first), -1);
+  for (const cursor_t& cursor : query.cursors) {
+    if (!IsSessionId(cursor.session)) return fail(bow_result_t::BAD_QUERY);
+    const SessionInfo* session = FindSession(cursor.session);
+    if (session == nullptr || cursor.seq > session->row.cumulative) return fail(bow_result_t::NOT_YET);
+    scope.last_seq[static_cast<size_t>(IndexNumber(session->row.id))] = cursor.seq;
+  }
+  std::vector<std::pair<std::string, int32_t>> by_uuid;
+  for (const auto& [id, session] : sessions_) by_uuid.emplace_back(session.row.uuid, IndexNumber(id));
+  std::sort(by_uuid.begin(), by_uuid.end());
+  scope.session_rank.resize(scope.last_seq.size());
+  for (size_t i = 0; i < by_uuid.size(); ++i) scope.session_rank[static_cast<size_t>(by_uuid[i].second)] = static_cast<int32_t>(i);
+
+  const SessionInfo* own = FindSession(query.session);
+  if (own == nullptr) return fail(bow_result_t::UNKNOWN_KEYFRAME);
+  const int64_t own_seq = scope.last_seq[static_cast<size_t>(IndexNumber(own->row.id))];
+  if (own_seq < 0) return fail(bow_result_t::BAD_QUERY);  // its own session must be among the cursors
+  const auto handle = own->handles.find(query.keyframe);
+  if (handle == own->handles.end()) return fail(bow_result_t::UNKNOWN_KEYFRAME);
+  const IndexEntry entry = index_.Entry(handle->second);
+  if (entry.seq > own_seq || entry.removed_seq <= own_seq) return fail(bow_result_t::UNKNOWN_KEYFRAME);
+
+  const Submap& submap = AsOf(query.requester, {own->row.id, SubmapId(entry.submap)}, own_seq);
+  const auto keyframe = submap.keyframes.find(KeyframeId(query.keyframe));
+  if (keyframe == submap.keyframes.end()) return fail(bow_result_t::UNKNOWN_KEYFRAME);
+  if (keyframe != submap.keyframes.begin()) result.adjacent = std::prev(keyframe)->first.value;
+  const int num_points = CountMapPoints(keyframe->second);
+  std::vector<Overlap> overlaps;
+  std::vector<KeyframeId> covisible;
+  for (const auto& [id, shared] : SharedPoints(submap, keyframe->first)) {
+    overlaps.push_back({id.value, static_cast<double>(shared) / num_points});
+    if (shared >= kMinCovisible) covisible.push_back(id);
+  }
+  result.nearby = ChooseNearby(overlaps, result.adjacent, threshold_options_);
+
+  const std::optional<BowVector> bow = ReadBow(own->row.id, query.keyframe);
+  std::optional<BowVector> adjacent_bow, nearby_bow;
+  if (result.adjacent >= 0) adjacent_bow = ReadBow(own->row.id, result.adjacent);
+  if (result.nearby >= 0) nearby_bow = ReadBow(own->row.id, result.nearby);
+  if (!bow) return fail(bow_result_t::UNKNOWN_KEYFRAME);
+  const AdaptiveThresholds thresholds =
+      ComputeThresholds(*bow, adjacent_bow ? &*adjacent_bow : nullptr, nearby_bow ? &*nearby_bow : nullptr, threshold_options_);
+  result.n0 = thresholds.n0;
+  result.n1 = thresholds.n1;
+  result.s0 = static_cast<float>(thresholds.s0);
+  result.s1 = static_cast<float>(thresholds.s1);
+  result.k = static_cast<float>(thresholds.k);
+  result.l = static_cast<float>(thresholds.l);
+
+  if (query.same_submap) {
+    scope.excluded_handles = ToHandles(own->row.id, covisible);
+    scope.excluded_handles.push_back(handle->second);
+    if (result.adjacent >= 0) scope.excluded_handles.push_back(own->handles.at(result.adjacent));
+  } else {
+    scope.excluded_session = entry.session;
+    scope.excluded_submap = entry.submap;
+  }
+  SelectionOptions options;
+  options.max_results = query.max_results <= 0 ? kDefaultResults : std::min(query.max_results, kMaxResults);
+  const Selection selection = SelectCandidates(
+      index_.Query(*bow, scope), bow->Size(), thresholds,
+      [&](int32_t other) {
+        return Covisible(query.requester, other, scope.last_seq[static_cast<size_t>(index_.Entry(other).session)]);
+      },
+      options);
+  result.max_common_words = static_cast<int32_t>(std::lround(selection.max_common_words));
+  result.best_group_score = static_cast<float>(selection.best_group_score);
+  for (const Candidate& candidate : selection.candidates) {
+    const IndexEntry& found = index_.Entry(candidate.handle);
+    bow_candidate_t message{};
+    message.session = sessions_.at(found.session + 1).row.uuid;
+    message.submap = found.submap;
+    message.keyframe = found.keyframe;
+    message.common_words = candidate.common_words;
+    message.score = static_cast<float>(candidate.score);
+    message.group_score = static_cast<float>(candidate.group_score);
+    result.candidates.push_back(message);
+  }
+  result.num_candidates = static_cast<int32_t>(result.candidates.size());
+  result.status = bow_result_t::OK;
+  return result;
+}
+
+int64_t BowSearch::Bytes() const {
+  int64_t bytes = index_.Bytes() + static_cast<int64_t>(covisible_.capacity() * sizeof(covisible_[0]));
+  for (const auto& list : covisible_) bytes += static_cast<int64_t>(list.capacity() * sizeof(int32_t)) + 8;
+  for (const auto& [id, session] : sessions_) {
+    bytes += static_cast<int64_t>(session.handles.size() * 40 + session.handles.bucket_count() * sizeof(void*));
+  }
+  return bytes;
+}
+
+}  // namespace mapmend

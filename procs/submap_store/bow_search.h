@@ -1,0 +1,78 @@
+#pragma once
+
+#include <list>
+#include <map>
+#include <mapmend/bow_query_t.hpp>
+#include <mapmend/bow_result_t.hpp>
+#include <optional>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "libs/mapping/submap.h"
+#include "libs/retrieval/adaptive_thresholds.h"
+#include "libs/retrieval/inverted_index.h"
+#include "procs/submap_store/database.h"
+#include "procs/submap_store/submap_tracker.h"
+
+namespace mapmend {
+
+// Retrieval of connected-frame candidates (paper section 3.3) over everything that is committed, as of the records that a
+// query names. The inverted index is in memory and made from the file on opening; words of single keyframes, and the
+// covisibility of submaps that were still growing, are read from the file when needed.
+class BowSearch {
+ public:
+  explicit BowSearch(Database* database) : database_(database) {}
+
+  // What has been committed, in order. sessions are known by the number of their row.
+  void AddSession(const SessionRow& session);
+  void StartSubmap(int64_t session, SubmapId submap, int64_t seq);
+  void AddKeyframe(int64_t session, SubmapId submap, KeyframeId keyframe, int64_t seq, const BowVector& bow);
+  void RemoveKeyframe(int64_t session, KeyframeId keyframe, int64_t seq);
+  void EndSubmap(int64_t session, SubmapId submap, int64_t seq);
+  // Covisible keyframes at the end of a submap, strongest first: saves reading them from the file.
+  void SetCovisible(int64_t session, KeyframeId keyframe, const std::vector<int32_t>& covisible);
+  void FinishSubmap(int64_t session, SubmapId submap);
+
+  // Adds all of a file.
+  void Load();
+
+  // committed: last record of each session that is in the file. See bow_query_t.lcm and bow_result_t.lcm.
+  bow_result_t Query(const bow_query_t& query);
+  void SetCumulative(int64_t session, int64_t seq) { sessions_.at(session).row.cumulative = seq; }
+
+  int NumKeyframes() const { return index_.Size(); }
+  int64_t Bytes() const;
+
+ private:
+  struct SessionInfo {
+    SessionRow row;
+    std::unordered_map<int32_t, int32_t> handles;  // by keyframe
+  };
+  struct SubmapInfo {
+    int64_t start_seq = 0, end_seq = -1;  // -1: still growing
+    bool is_final = false;                // covisible_ holds its keyframes
+  };
+  using SubmapIndex = std::pair<int64_t, SubmapId>;  // session, submap
+  struct CachedTracker {
+    std::string requester;
+    SubmapIndex submap;
+    SubmapTracker tracker;
+  };
+
+  const SessionInfo* FindSession(const std::string& uuid) const;
+  std::optional<BowVector> ReadBow(int64_t session, int32_t keyframe);
+  const Submap& AsOf(const std::string& requester, const SubmapIndex& submap, int64_t seq);
+  std::vector<int32_t> Covisible(const std::string& requester, int32_t handle, int64_t seq);
+  std::vector<int32_t> ToHandles(int64_t session, const std::vector<KeyframeId>& keyframes) const;
+
+  Database* database_;
+  std::map<int64_t, SessionInfo> sessions_;  // by row number
+  std::map<SubmapIndex, SubmapInfo> submaps_;
+  InvertedIndex index_;
+  std::vector<std::vector<int32_t>> covisible_;  // per handle, keyframe ids
+  std::list<CachedTracker> trackers_;            // most recently used first
+  ThresholdOptions threshold_options_;
+};
+
+}  // namespace mapmend

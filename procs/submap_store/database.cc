@@ -1,0 +1,97 @@
+#include "procs/submap_store/database.h"
+
+#include <stdexcept>
+
+#include "procs/submap_store/blob.h"
+#include "procs/submap_store/schema.h"
+
+namespace mapmend {
+namespace {
+
+constexpr int kBusyTimeoutMs = 5000;
+
+}  // namespace
+
+Database::Database(const std::string& path, Mode mode)
+    : path_(path), guard_(path, mode == Mode::kReadWrite ? FileGuard::Access::kExclusive : FileGuard::Access::kShared) {
+  const int flags = mode == Mode::kReadWrite ? SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE : SQLite::OPEN_READONLY;
+  sql_ = std::make_unique<SQLite::Database>(path, flags, kBusyTimeoutMs);
+  if (mode == Mode::kReadOnly) {
+    const int version = sql_->execAndGet("PRAGMA user_version").getInt();
+    if (version != kSchemaVersion) {
+      throw std::runtime_error(path + ": has schema version " + std::to_string(version) + " instead of " +
+                               std::to_string(kSchemaVersion) + "; 'mapmend db compact' brings it up to date");
+    }
+    return;
+  }
+  if (guard_.IsNew()) sql_->exec("PRAGMA application_id = " + std::to_string(kApplicationId));
+  sql_->exec("PRAGMA journal_mode = WAL");
+  sql_->exec("PRAGMA synchronous = FULL");
+  // A second connection checkpoints (Checkpointer): done inside commits it makes some of them wait for half a second.
+  sql_->exec("PRAGMA wal_autocheckpoint = 0");
+  Migrate(sql_.get());
+}
+
+Database::Use Database::Prepare(const std::string& sql) {
+  auto& statement = statements_[sql];
+  if (!statement) statement = std::make_unique<SQLite::Statement>(*sql_, sql);
+  return Use(statement.get());
+}
+
+std::vector<SessionRow> Database::Sessions() {
+  std::vector<SessionRow> sessions;
+  Use query = Prepare(
+      "SELECT id, uuid, vehicle, source, vocabulary_hash, start_utime, ended, is_derived, "
+      "max(ifnull((SELECT max(seq) FROM record WHERE session = id), -1), "
+      "ifnull((SELECT max(last_seq) FROM gap WHERE session = id), -1)) FROM session ORDER BY id");
+  while (query->executeStep()) {
+    SessionRow row;
+    row.id = query->getColumn(0).getInt64();
+    row.uuid = query->getColumn(1).getString();
+    row.vehicle = query->getColumn(2).getString();
+    row.source = query->getColumn(3).getString();
+    row.vocabulary_hash = query->getColumn(4).getString();
+    row.start_utime = query->getColumn(5).getInt64();
+    row.ended = query->getColumn(6).getInt() != 0;
+    row.is_derived = query->getColumn(7).getInt() != 0;
+    row.cumulative = query->getColumn(8).getInt64();
+    sessions.push_back(std::move(row));
+  }
+  return sessions;
+}
+
+std::vector<GapRow> Database::Gaps(int64_t session) {
+  std::vector<GapRow> gaps;
+  Use query = Prepare("SELECT first_seq, last_seq, reason FROM gap WHERE session = ? ORDER BY first_seq");
+  query->bind(1, session);
+  while (query->executeStep()) {
+    gaps.push_back({session, query->getColumn(0).getInt64(), query->getColumn(1).getInt64(), query->getColumn(2).getString()});
+  }
+  return gaps;
+}
+
+void Database::ReadRecords(const SessionRow& session, int64_t first, int64_t last,
+                           const std::function<bool(EncodedRecord)>& visit) {
+  Use query = Prepare("SELECT seq, channel, payload FROM record WHERE session = ? AND seq >= ? AND seq <= ? ORDER BY seq");
+  query->bind(1, session.id);
+  query->bind(2, first);
+  query->bind(3, last);
+  while (query->executeStep()) {
+    EncodedRecord record;
+    record.session = session.uuid;
+    record.seq = query->getColumn(0).getInt64();
+    record.channel = query->getColumn(1).getString();
+    record.data = ReadBlob<uint8_t>(query->getColumn(2));
+    if (!visit(std::move(record))) return;
+  }
+}
+
+std::optional<std::vector<uint8_t>> Database::ReadPayload(int64_t session, int64_t seq) {
+  Use query = Prepare("SELECT payload FROM record WHERE session = ? AND seq = ?");
+  query->bind(1, session);
+  query->bind(2, seq);
+  if (!query->executeStep()) return std::nullopt;
+  return ReadBlob<uint8_t>(query->getColumn(0));
+}
+
+}  // namespace mapmend

@@ -1,0 +1,75 @@
+#pragma once
+
+#include <SQLiteCpp/SQLiteCpp.h>
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "libs/bus/codec.h"
+#include "procs/submap_store/file_guard.h"
+
+namespace mapmend {
+
+// A session as the file has it.
+struct SessionRow {
+  int64_t id = 0;  // 1, 2, ... in the order in which sessions came
+  std::string uuid, vehicle, source, vocabulary_hash;
+  int64_t start_utime = 0;
+  bool ended = false, is_derived = false;
+  int64_t cumulative = -1;  // last record, or last record of a gap
+};
+
+struct GapRow {
+  int64_t session = 0, first_seq = 0, last_seq = 0;
+  std::string reason;
+};
+
+// One open map database: the file, its locks and its prepared statements. Write-ahead log, synchronous FULL. One thread.
+class Database {
+ public:
+  enum class Mode { kReadWrite, kReadOnly };
+
+  // Throws std::runtime_error with one line if the file cannot be used (FileGuard), SQLite::Exception if SQLite fails.
+  // kReadWrite creates and migrates. kReadOnly refuses older schemas: only a writer migrates.
+  Database(const std::string& path, Mode mode);
+
+  const std::string& Path() const { return path_; }
+  SQLite::Database& Sql() { return *sql_; }
+
+  // A prepared statement, made once; reset when the Use goes, so that no read transaction stays open.
+  class Use {
+   public:
+    explicit Use(SQLite::Statement* statement) : statement_(statement) {}
+    ~Use() {
+      statement_->tryReset();
+      statement_->clearBindings();
+    }
+    Use(const Use&) = delete;
+    Use& operator=(const Use&) = delete;
+    SQLite::Statement* operator->() { return statement_; }
+    SQLite::Statement* get() { return statement_; }
+
+   private:
+    SQLite::Statement* statement_;
+  };
+  Use Prepare(const std::string& sql);
+
+  std::vector<SessionRow> Sessions();
+  std::vector<GapRow> Gaps(int64_t session);
+  // Calls visit for the records first .. last of a session in order, until it returns false.
+  void ReadRecords(const SessionRow& session, int64_t first, int64_t last, const std::function<bool(EncodedRecord)>& visit);
+  // The row's payload, or nullopt.
+  std::optional<std::vector<uint8_t>> ReadPayload(int64_t session, int64_t seq);
+
+ private:
+  std::string path_;
+  FileGuard guard_;
+  std::unique_ptr<SQLite::Database> sql_;
+  std::map<std::string, std::unique_ptr<SQLite::Statement>> statements_;
+};
+
+}  // namespace mapmend

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+
+namespace mapmend {
+
+// Looks at a database file before SQLite touches it, and keeps other processes off it.
+class FileGuard {
+ public:
+  enum class Access {
+    kShared,     // reading; a store may be running on it
+    kExclusive,  // the one that writes; created if absent
+  };
+
+  // Throws std::runtime_error with one line that names the file, and leaves it as it was, if it is missing (kShared),
+  // truncated, not a map database, of a newer version, or in use by another writer.
+  FileGuard(const std::string& path, Access access);
+  ~FileGuard();
+  FileGuard(const FileGuard&) = delete;
+  FileGuard& operator=(const FileGuard&) = delete;
+
+  bool IsNew() const { return is_new_; }
+
+ private:
+  // Held to the end: closing any descriptor of the file would drop SQLite's own locks on it. So a FileGuard must outlive the
+  // connections.
+  int fd_ = -1;
+  bool is_new_ = false;
+};
+
+}  // namespace mapmend

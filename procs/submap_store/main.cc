@@ -1,0 +1,41 @@
+// submap_store: the durable log of every flight and the retrieval over it; also the tools that look into its files.
+
+#include <spdlog/spdlog.h>
+
+#include "libs/bus/process.h"
+#include "procs/submap_store/checkpointer.h"
+#include "procs/submap_store/db_commands.h"
+#include "procs/submap_store/store_adapter.h"
+
+namespace mapmend {
+namespace {
+
+int Main(int argc, char** argv) {
+  CLI::App app("Stores the stream of records durably in one SQLite file and answers bag-of-words queries over it.",
+               "submap_store");
+  ProcessOptions process;
+  SubmapStoreOptions options;
+  AddProcessOptions(&app, &process);
+  app.add_option("--db", options.path, "database file, made if it does not exist");
+  app.add_option("--vocabulary-hash", options.vocabulary_hash, "accept only sessions of this vocabulary");
+  app.require_subcommand(0, 1);
+  AddDbCommands(&app);
+  CLI11_PARSE(app, argc, argv);
+  ApplyLogLevel(process);
+  if (!app.get_subcommands().empty()) return 0;  // it has run
+  if (options.path.empty()) throw std::runtime_error("--db is required (or one of info, check, compact, merge, hash)");
+
+  InstallSignalHandlers();
+  SubmapStore store(options);
+  Checkpointer checkpointer(options.path);
+  Bus bus(ResolveLcmUrl(process.lcm_url), process.channel_prefix);
+  StoreAdapter adapter(&bus, &store);
+  spdlog::info("submap_store: {} with {} keyframes", options.path, store.GetStatus(0).keyframes);
+  while (!StopRequested()) adapter.Spin(10);
+  return 0;
+}
+
+}  // namespace
+}  // namespace mapmend
+
+int main(int argc, char** argv) { return mapmend::RunMain("submap_store", mapmend::Main, argc, argv); }

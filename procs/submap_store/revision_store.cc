@@ -1,0 +1,180 @@
+#include "procs/submap_store/revision_store.h"
+
+#include <algorithm>
+#include <cmath>
+#include <mapmend/revision_part_t.hpp>
+#include <mapmend/revision_t.hpp>
+
+#include "libs/bus/bus.h"
+#include "procs/submap_store/blob.h"
+
+namespace mapmend {
+namespace {
+
+bool AllFinite(const double* values, size_t n) {
+  return std::all_of(values, values + n, [](double v) { return std::isfinite(v); });
+}
+
+bool IsValid(const revision_t& revision) {
+  const merged_transforms_t& transforms = revision.transforms;
+  if (transforms.revision < 0 || revision.num_parts < 0 || revision.num_parts > 1000000) return false;
+  for (const merged_submap_t& submap : transforms.submaps) {
+    if (!IsSessionId(submap.session) || submap.submap < 0 || !AllFinite(submap.root_from_submap, 8) ||
+        submap.root_from_submap[7] <= 0) {
+      return false;
+    }
+  }
+  for (const std::vector<int32_t>* ends : {&transforms.edge_a, &transforms.edge_b}) {
+    for (const int32_t i : *ends) {
+      if (i < 0 || i >= transforms.num_submaps) return false;
+    }
+  }
+  return std::all_of(revision.connections.begin(), revision.connections.end(), [](const connection_t& c) {
+    return IsSessionId(c.session_a) && IsSessionId(c.session_b) && std::isfinite(c.strength) && AllFinite(c.b_from_a, 8);
+  });
+}
+
+bool IsValid(const revision_part_t& part) {
+  const auto finite = [](float v) { return std::isfinite(v); };
+  return part.revision >= 0 && part.part >= 0 && IsSessionId(part.session) &&
+         part.num_pose_values == 7 * static_cast<int64_t>(part.num_keyframes) &&
+         part.num_position_values == 3 * static_cast<int64_t>(part.num_points) &&
+         AllFinite(part.cam_from_root.data(), part.cam_from_root.size()) && AllFinite(part.scale.data(), part.scale.size()) &&
+         std::all_of(part.position.begin(), part.position.end(), finite);
+}
+
+void Delete(Database* database, int64_t revision) {
+  for (const char* table : {"revision", "revision_part", "merged_submap", "connection"}) {
+    auto remove = database->Prepare(std::string("DELETE FROM ") + table + " WHERE revision = ?");
+    remove->bind(1, revision);
+    remove->exec();
+  }
+}
+
+void InsertSubmaps(Database* database, const revision_t& revision) {
+  for (const merged_submap_t& submap : revision.transforms.submaps) {
+    auto insert = database->Prepare("INSERT OR REPLACE INTO merged_submap VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+    insert->bind(1, revision.transforms.revision);
+    insert->bind(2, submap.session);
+    insert->bind(3, submap.submap);
+    insert->bind(4, submap.component);
+    insert->bind(5, submap.is_root != 0 ? 1 : 0);
+    for (int i = 0; i < 8; ++i) insert->bind(6 + i, submap.root_from_submap[i]);
+    insert->exec();
+  }
+}
+
+void InsertConnections(Database* database, const revision_t& revision) {
+  for (const connection_t& connection : revision.connections) {
+    auto insert = database->Prepare("INSERT INTO connection VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+    insert->bind(1, revision.transforms.revision);
+    insert->bind(2, connection.session_a);
+    insert->bind(3, connection.submap_a);
+    insert->bind(4, connection.session_b);
+    insert->bind(5, connection.submap_b);
+    insert->bind(6, static_cast<int>(connection.verdict));
+    insert->bind(7, connection.reason);
+    insert->bind(8, connection.num_connected_frames);
+    insert->bind(9, connection.num_common_points);
+    insert->bind(10, std::isfinite(connection.median_angle_deg) ? connection.median_angle_deg : 0.0);
+    insert->bind(11, connection.strength);
+    insert->bind(12, connection.num_inliers);
+    insert->bind(13, connection.b_from_a[7]);
+    insert->bind(14, connection.in_tree != 0 ? 1 : 0);
+    insert->exec();
+  }
+}
+
+revision_ack_t MakeAck(int64_t revision, int32_t part) {
+  revision_ack_t ack{};
+  ack.revision = revision;
+  ack.part = part;
+  return ack;
+}
+
+}  // namespace
+
+std::optional<revision_ack_t> RevisionStore::Store(const uint8_t* data, int size) {
+  revision_t revision{};
+  if (!DecodeMessage(data, size, &revision) || !IsValid(revision)) return std::nullopt;
+  const int64_t number = revision.transforms.revision;
+  {
+    auto same = database_->Prepare("SELECT 1 FROM revision WHERE revision = ? AND payload = ?");
+    same->bind(1, number);
+    same->bindNoCopy(2, data, size);
+    if (same->executeStep()) return MakeAck(number, -1);
+  }
+  SQLite::Transaction transaction(database_->Sql());
+  Delete(database_, number);
+  auto insert = database_->Prepare("INSERT INTO revision(revision, refined, final, num_parts, payload) VALUES(?, ?, ?, ?, ?)");
+  insert->bind(1, number);
+  insert->bind(2, revision.transforms.refined != 0 ? 1 : 0);
+  insert->bind(3, revision.transforms.is_final != 0 ? 1 : 0);
+  insert->bind(4, revision.num_parts);
+  insert->bindNoCopy(5, data, size);
+  insert->exec();
+  InsertSubmaps(database_, revision);
+  InsertConnections(database_, revision);
+  transaction.commit();
+  return MakeAck(number, -1);
+}
+
+std::optional<revision_ack_t> RevisionStore::StorePart(const uint8_t* data, int size) {
+  revision_part_t part{};
+  if (!DecodeMessage(data, size, &part) || !IsValid(part)) return std::nullopt;
+  SQLite::Transaction transaction(database_->Sql());
+  {
+    auto insert = database_->Prepare(
+        "INSERT OR REPLACE INTO revision_part(revision, part, session, submap, payload) VALUES(?, ?, ?, ?, ?)");
+    insert->bind(1, part.revision);
+    insert->bind(2, part.part);
+    insert->bind(3, part.session);
+    insert->bind(4, part.submap);
+    insert->bindNoCopy(5, data, size);
+    insert->exec();
+  }
+  const int64_t newest = NewestComplete();
+  if (newest == part.revision) {
+    auto prune = database_->Prepare("DELETE FROM revision_part WHERE revision < ?");
+    prune->bind(1, newest);
+    prune->exec();
+  }
+  transaction.commit();
+  return MakeAck(part.revision, part.part);
+}
+
+int64_t RevisionStore::NewestComplete() {
+  auto query = database_->Prepare(
+      "SELECT revision FROM revision r WHERE num_parts = (SELECT count(*) FROM revision_part p WHERE p.revision = r.revision "
+      "AND p.part < r.num_parts) ORDER BY revision DESC LIMIT 1");
+  return query->executeStep() ? query->getColumn(0).getInt64() : -1;
+}
+
+revision_fetched_t RevisionStore::Fetch(const revision_fetch_t& request) {
+  revision_fetched_t reply{};
+  reply.id = request.id;
+  reply.requester = request.requester;
+  reply.status = revision_fetched_t::NONE;
+  reply.revision = request.revision < 0 ? NewestComplete() : request.revision;
+  reply.part = request.part;
+  auto revision = database_->Prepare("SELECT num_parts, payload FROM revision WHERE revision = ?");
+  revision->bind(1, reply.revision);
+  if (!revision->executeStep()) return reply;
+  reply.num_parts = revision->getColumn(0).getInt();
+  if (request.part < 0) {
+    reply.data = ReadBlob<uint8_t>(revision->getColumn(1));
+    reply.status = revision_fetched_t::OK;
+  } else {
+    auto part = database_->Prepare("SELECT payload FROM revision_part WHERE revision = ? AND part = ?");
+    part->bind(1, reply.revision);
+    part->bind(2, request.part);
+    if (part->executeStep()) {
+      reply.data = ReadBlob<uint8_t>(part->getColumn(0));
+      reply.status = revision_fetched_t::OK;
+    }
+  }
+  reply.num_bytes = static_cast<int32_t>(reply.data.size());
+  return reply;
+}
+
+}  // namespace mapmend

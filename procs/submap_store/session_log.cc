@@ -1,0 +1,199 @@
+#include "procs/submap_store/session_log.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "procs/submap_store/submap_model.h"
+
+namespace mapmend {
+namespace {
+
+constexpr int64_t kAliveMs = 2000;
+constexpr int64_t kMaxBehind = 100000000;  // a heartbeat that claims more records is forged
+constexpr size_t kMaxMissing = 64, kMaxGapSeqs = 256;  // named in an ack
+
+}  // namespace
+
+SessionLog::SessionLog(const std::string& session, const SessionLogOptions& options)
+    : session_(session), options_(options) {}
+
+void SessionLog::Restore(Session model, int64_t cumulative, int32_t last_keyframe, const std::vector<LogGap>& gaps) {
+  model_ = std::move(model);
+  committed_ = prepared_ = cumulative;
+  last_keyframe_ = last_keyframe;
+  gaps_ = gaps;
+}
+
+SessionLog::Offered SessionLog::Offer(EncodedRecord record, int64_t now_ms) {
+  last_heard_ms_ = now_ms;
+  if (record.seq <= prepared_ || pending_.contains(record.seq)) return Offered::kDuplicate;
+  if (!session_error_.empty()) return Offered::kRefused;
+  const auto size = static_cast<int64_t>(record.data.size());
+  const bool is_next = record.seq == prepared_ + 1;
+  if (record.seq > prepared_ + options_.max_ahead || (!is_next && pending_bytes_ + size > options_.max_pending_bytes)) {
+    return Offered::kRefused;  // it will be sent again
+  }
+  pending_bytes_ += size;
+  pending_[record.seq] = std::move(record);
+  return Offered::kPending;
+}
+
+void SessionLog::OnHeartbeat(const stream_state_t& state, int64_t now_ms, int64_t wall_us) {
+  if (state.last < -1 || state.last > prepared_ + kMaxBehind || state.first < 0 || state.first > state.last + 1) {
+    ++num_refused_;
+    return;
+  }
+  last_heard_ms_ = now_ms;
+  heard_heartbeat_ = true;
+  is_replay_ = std::abs(wall_us - state.utime) > options_.max_heartbeat_age_us;
+  if (!is_replay_) last_heartbeat_ms_ = now_ms;
+  // A recorded frontend talked to another store: what it could still send then says nothing about what comes now.
+  if (!is_replay_) first_available_ = std::max(first_available_, state.first);
+  last_made_ = std::max(last_made_, state.last);
+}
+
+bool SessionLog::IsAlive(int64_t now_ms) const { return now_ms - last_heartbeat_ms_ <= kAliveMs; }
+
+void SessionLog::RefuseSession(const std::string& error) {
+  session_error_ = error;
+  pending_.clear();
+  pending_bytes_ = 0;
+}
+
+void SessionLog::AddGap(int64_t first, int64_t last, const std::string& reason, std::vector<LogItem>* items) {
+  gaps_.push_back({first, last, reason});
+  items->push_back(gaps_.back());
+  prepared_ = last;
+  spdlog::warn("session {}: records {} to {} are missing: {}", session_, first, last, reason);
+}
+
+void SessionLog::RefuseRecord(int64_t seq, const std::string& reason, std::vector<LogItem>* items) {
+  ++num_refused_;
+  AddGap(seq, seq, "refused: " + reason, items);
+}
+
+bool SessionLog::IsHoleFinal(int64_t now_ms, std::string* reason) const {
+  if (pending_.empty() && last_made_ <= prepared_) return false;  // no hole
+  if (first_available_ > prepared_ + 1) {
+    *reason = "the frontend no longer has them";
+    return true;
+  }
+  if (is_replay_ || !heard_heartbeat_) {
+    *reason = "not in the recording";
+    // At the tail, more may come as long as the recording goes on.
+    return now_ms - (pending_.empty() ? last_heard_ms_ : last_progress_ms_) > options_.replay_settle_ms;
+  }
+  *reason = "the frontend fell silent";
+  return now_ms - last_heard_ms_ > options_.silent_settle_ms;
+}
+
+std::vector<LogItem> SessionLog::TakeReady(int64_t now_ms) {
+  std::vector<LogItem> items;
+  if (!session_error_.empty()) return items;
+  for (;;) {
+    if (pending_.empty() || pending_.begin()->first > prepared_ + 1) {
+      if (last_progress_ms_ < 0) last_progress_ms_ = now_ms;
+      std::string reason;
+      if (!IsHoleFinal(now_ms, &reason)) break;
+      int64_t last = pending_.empty() ? last_made_ : pending_.begin()->first - 1;
+      if (first_available_ > prepared_ + 1) last = std::min(std::max(last, prepared_ + 1), first_available_ - 1);
+      if (prepared_ < 0) {
+        RefuseSession("session " + session_ + ": its first record is missing, so nothing of it can be stored (" + reason + ")");
+        break;
+      }
+      AddGap(prepared_ + 1, last, reason, &items);
+      last_progress_ms_ = now_ms;
+      continue;
+    }
+    EncodedRecord encoded = std::move(pending_.begin()->second);
+    pending_.erase(pending_.begin());
+    pending_bytes_ -= static_cast<int64_t>(encoded.data.size());
+    last_progress_ms_ = now_ms;
+    DecodedRecord decoded = DecodeRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()));
+    std::string error = decoded.error;
+    if (decoded.record) {
+      const auto* keyframe = std::get_if<KeyframeRecord>(&decoded.record->body);
+      if (keyframe != nullptr && keyframe->keyframe.value <= last_keyframe_) {
+        error = "keyframe " + std::to_string(keyframe->keyframe.value) + " after " + std::to_string(last_keyframe_);
+      } else {
+        error = ApplyLight(*decoded.record, &model_);
+      }
+      if (keyframe != nullptr && error.empty()) last_keyframe_ = keyframe->keyframe.value;
+    }
+    if (error.empty()) {
+      prepared_ = encoded.seq;
+      items.push_back(LogEntry{std::move(encoded), std::move(*decoded.record)});
+    } else if (prepared_ < 0) {
+      ++num_refused_;
+      RefuseSession("session " + session_ + ": its first record is refused: " + error);
+      break;
+    } else {
+      RefuseRecord(encoded.seq, error, &items);
+    }
+  }
+  return items;
+}
+
+void SessionLog::Committed() { committed_ = prepared_; }
+
+std::vector<LogItem> SessionLog::TakeClosing() {
+  std::vector<LogItem> items;
+  if (model_.ended || prepared_ < 0) return items;
+  const int64_t last_heard_of = std::max(last_made_, pending_.empty() ? -1 : pending_.rbegin()->first);
+  if (last_heard_of > prepared_) AddGap(prepared_ + 1, last_heard_of, "the session was closed without them", &items);
+  pending_.clear();
+  pending_bytes_ = 0;
+  int last_frame = -1;
+  int64_t last_utime = model_.start_utime;
+  for (const auto& [id, submap] : model_.submaps) {
+    last_frame = std::max(last_frame, submap.last_frame);
+    for (const auto& [keyframe_id, keyframe] : submap.keyframes) {
+      last_frame = std::max(last_frame, keyframe.frame);
+      last_utime = std::max(last_utime, keyframe.utime);
+    }
+    for (const TrackedFrame& frame : submap.frames) {
+      last_frame = std::max(last_frame, frame.frame);
+      last_utime = std::max(last_utime, frame.utime);
+    }
+  }
+  const auto append = [&](RecordBody body) {
+    Record record{{session_, prepared_ + 1, last_utime}, std::move(body)};
+    if (!ApplyLight(record, &model_).empty()) return;
+    ++prepared_;
+    EncodedRecord encoded = EncodeRecord(record);
+    items.push_back(LogEntry{std::move(encoded), std::move(record)});
+  };
+  for (const auto& [id, submap] : model_.submaps) {
+    if (!submap.ended) append(SubmapEnded{id, "interrupted", "the frontend ended without a word", last_frame, last_utime});
+  }
+  append(SessionEnded{last_frame + 1});
+  return items;
+}
+
+ack_t SessionLog::MakeAck(const std::string& store_error) const {
+  ack_t ack{};
+  ack.session = session_;
+  ack.cumulative = committed_;
+  ack.error = session_error_.empty() ? store_error : session_error_;
+  // Holes that were given up come first: consumers must not deliver what they may have heard of them.
+  for (auto gap = gaps_.rbegin(); gap != gaps_.rend() && ack.missing.size() < kMaxGapSeqs; ++gap) {
+    for (int64_t seq = gap->last_seq; seq >= gap->first_seq && ack.missing.size() < kMaxGapSeqs; --seq) {
+      if (seq <= committed_) ack.missing.push_back(seq);
+    }
+  }
+  if (ack.error.empty()) {
+    const int64_t end = std::max(last_made_, pending_.empty() ? -1 : pending_.rbegin()->first);
+    size_t num_holes = 0;
+    for (int64_t seq = prepared_ + 1; seq <= end && num_holes < kMaxMissing; ++seq) {
+      if (pending_.contains(seq)) continue;
+      ack.missing.push_back(seq);
+      ++num_holes;
+    }
+  }
+  ack.num_missing = static_cast<int32_t>(ack.missing.size());
+  return ack;
+}
+
+}  // namespace mapmend

@@ -1,0 +1,88 @@
+#pragma once
+
+#include <map>
+#include <mapmend/ack_t.hpp>
+#include <mapmend/stream_state_t.hpp>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "libs/bus/codec.h"
+#include "libs/mapping/submap.h"
+
+namespace mapmend {
+
+struct SessionLogOptions {
+  int max_ahead = 4096;                        // records beyond the next expected one that are held
+  int64_t max_pending_bytes = 256 << 20;       // of those; what does not fit will be sent again
+  int64_t replay_settle_ms = 2000;             // a hole is given up after so long in a replay, where nobody answers
+  int64_t silent_settle_ms = 30000;            // and after so long without a word from a live frontend
+  int64_t max_heartbeat_age_us = 2000000;      // an older heartbeat comes from a recording
+};
+
+// Something to be committed: a record that is the session's next and valid, or a hole that will not be filled.
+struct LogEntry {
+  EncodedRecord encoded;
+  Record record;
+};
+struct LogGap {
+  int64_t first_seq = 0, last_seq = 0;
+  std::string reason;
+};
+using LogItem = std::variant<LogEntry, LogGap>;
+
+// Puts the records of one session in order, as they come from an unreliable bus, and checks each in its turn against what came
+// before. Knows nothing of files. Times are milliseconds of any steady clock.
+class SessionLog {
+ public:
+  SessionLog(const std::string& session, const SessionLogOptions& options);
+  // For a session that is in the file: model holds its submaps (only the open ones in full), cumulative its last seq.
+  void Restore(Session model, int64_t cumulative, int32_t last_keyframe, const std::vector<LogGap>& gaps);
+
+  enum class Offered { kPending, kDuplicate, kRefused };
+  Offered Offer(EncodedRecord record, int64_t now_ms);
+  void OnHeartbeat(const stream_state_t& state, int64_t now_ms, int64_t wall_us);
+
+  // Everything that can be committed now, in order. The caller commits it and then calls Committed, or tries again later with
+  // the same items: they are handed out once.
+  std::vector<LogItem> TakeReady(int64_t now_ms);
+  void Committed();
+
+  // Ends the session in its frontend's place: what is missing becomes a gap, open submaps are closed as "interrupted".
+  std::vector<LogItem> TakeClosing();
+
+  // The whole session is refused, e.g. another vocabulary: nothing of it is kept, acks carry the error.
+  void RefuseSession(const std::string& error);
+
+  ack_t MakeAck(const std::string& store_error) const;
+  bool IsAlive(int64_t now_ms) const;       // its frontend sends heartbeats
+  bool WasHeard(int64_t now_ms, int64_t within_ms) const { return now_ms - last_heard_ms_ <= within_ms; }
+  int64_t Cumulative() const { return committed_; }
+  bool Ended() const { return model_.ended; }
+  int QueueDepth() const { return static_cast<int>(pending_.size()); }
+  int64_t NumRefused() const { return num_refused_; }
+  const std::string& Error() const { return session_error_; }
+  Session* model() { return &model_; }
+
+ private:
+  void RefuseRecord(int64_t seq, const std::string& reason, std::vector<LogItem>* items);
+  void AddGap(int64_t first, int64_t last, const std::string& reason, std::vector<LogItem>* items);
+  bool IsHoleFinal(int64_t now_ms, std::string* reason) const;
+
+  std::string session_;
+  SessionLogOptions options_;
+  Session model_;             // after all prepared records
+  int32_t last_keyframe_ = -1;
+  int64_t committed_ = -1;
+  int64_t prepared_ = -1;     // handed out by TakeReady
+  std::map<int64_t, EncodedRecord> pending_;
+  int64_t pending_bytes_ = 0;
+  std::vector<LogGap> gaps_;
+  int64_t first_available_ = 0, last_made_ = -1;  // as the frontend says
+  bool heard_heartbeat_ = false, is_replay_ = false;
+  int64_t last_heard_ms_ = -1000000000, last_heartbeat_ms_ = -1000000000, last_progress_ms_ = -1000000000;
+  int64_t num_refused_ = 0;
+  std::string session_error_;
+};
+
+}  // namespace mapmend

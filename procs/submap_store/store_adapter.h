@@ -1,0 +1,28 @@
+#pragma once
+
+#include "libs/bus/bus.h"
+#include "libs/bus/health.h"
+#include "procs/submap_store/submap_store.h"
+
+namespace mapmend {
+
+// Connects a SubmapStore to the bus: records, heartbeats and requests in; acknowledgements (at once after a commit and at 20 Hz),
+// replies and health out.
+class StoreAdapter {
+ public:
+  StoreAdapter(Bus* bus, SubmapStore* store);
+
+  // Handles what has come within timeout_ms. Call in a loop.
+  void Spin(int timeout_ms);
+
+ private:
+  void ReportHealth(int64_t now_ms);
+
+  Bus* bus_;
+  SubmapStore* store_;
+  HealthReporter health_;
+  int64_t last_ack_ms_ = 0, last_health_ms_ = 0, last_records_ = 0;
+  bool has_background_work_ = true;
+};
+
+}  // namespace mapmend

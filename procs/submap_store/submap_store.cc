@@ -1,0 +1,379 @@
+#include "procs/submap_store/submap_store.h"
+
+#include <spdlog/spdlog.h>
+#include <sqlite3.h>
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "procs/submap_store/submap_model.h"
+
+namespace mapmend {
+namespace {
+
+constexpr int64_t kAckWithinMs = 2000;
+constexpr int32_t kMaxFetchBytes = 8 << 20;
+constexpr size_t kMaxOpenSessions = 256;  // that have sent nothing valid yet
+
+std::string Describe(const SQLite::Exception& e) {
+  switch (e.getErrorCode()) {
+    case SQLITE_FULL:
+      return "disk full: nothing more is stored until there is room";
+    case SQLITE_IOERR:
+      return "the disk reports an error (" + std::string(e.what()) + "): nothing more is stored until it is gone";
+    default:
+      return std::string("database: ") + e.what();
+  }
+}
+
+Session MakeStub(const SessionRow& row) {
+  Session model;
+  model.id = row.uuid;
+  model.start_utime = row.start_utime;
+  model.last_seq = row.cumulative;
+  model.ended = row.ended;
+  return model;
+}
+
+}  // namespace
+
+std::string SubmapStoreOptions::Check() const {
+  if (path.empty()) return "no database file is given";
+  if (retry_ms <= 0) return "retry_ms must be positive";
+  return "";
+}
+
+SubmapStore::SubmapStore(const SubmapStoreOptions& options)
+    : options_(options),
+      database_((options.Check().empty() ? options.path : throw std::runtime_error(options.Check())),
+                Database::Mode::kReadWrite),
+      search_(&database_),
+      revisions_(&database_),
+      vocabulary_hash_(options.vocabulary_hash) {
+  for (const SessionRow& row : database_.Sessions()) {
+    if (vocabulary_hash_.empty()) vocabulary_hash_ = row.vocabulary_hash;
+    if (row.vocabulary_hash != vocabulary_hash_) {
+      throw std::runtime_error(options.path + ": session " + row.uuid + " was made with vocabulary " + row.vocabulary_hash +
+                               ", not with " + vocabulary_hash_ + "; use its vocabulary or another file");
+    }
+    if (!row.is_derived) RebuildDerivedRows(&database_, row);
+  }
+  search_.Load();
+  for (const SessionRow& row : database_.Sessions()) Restore(row);
+  auto count = database_.Prepare("SELECT count(*) FROM record");
+  if (count->executeStep()) num_records_ = count->getColumn(0).getInt64();
+}
+
+void SubmapStore::Restore(const SessionRow& row) {
+  auto state = std::make_unique<SessionState>(row.uuid, options_.log);
+  state->row = row.id;
+  Session model = MakeStub(row);
+  struct SubmapRow {
+    SubmapId submap;
+    int64_t start_seq, end_seq;
+    bool has_geometry;
+  };
+  std::vector<SubmapRow> submaps;
+  {
+    auto rows = database_.Prepare("SELECT submap, start_seq, ifnull(end_seq, -1), has_geometry FROM submap WHERE session = ?");
+    rows->bind(1, row.id);
+    while (rows->executeStep()) {
+      submaps.push_back({SubmapId(rows->getColumn(0).getInt()), rows->getColumn(1).getInt64(), rows->getColumn(2).getInt64(),
+                         rows->getColumn(3).getInt() != 0});
+    }
+  }
+  for (const SubmapRow& submap : submaps) {
+    const bool is_open = submap.end_seq < 0;
+    Submap& known = model.submaps[submap.submap];
+    known.id = submap.submap;
+    known.ended = !is_open;
+    if (!is_open && submap.has_geometry) continue;
+    SubmapTracker tracker(&database_, row, submap.submap, submap.start_seq);
+    Submap content = tracker.AsOf(is_open ? row.cumulative : submap.end_seq);
+    if (is_open) {
+      known = std::move(content);
+    } else {
+      geometry_.emplace_back(row.id, std::move(content));
+    }
+  }
+  int32_t last_keyframe = -1;
+  {
+    auto query = database_.Prepare("SELECT ifnull(max(keyframe), -1) FROM keyframe WHERE session = ?");
+    query->bind(1, row.id);
+    if (query->executeStep()) last_keyframe = query->getColumn(0).getInt();
+  }
+  std::vector<LogGap> gaps;
+  for (const GapRow& gap : database_.Gaps(row.id)) {
+    gaps.push_back({gap.first_seq, gap.last_seq, gap.reason});
+    num_gaps_ += gap.last_seq - gap.first_seq + 1;
+  }
+  state->log.Restore(std::move(model), row.cumulative, last_keyframe, gaps);
+  sessions_[row.uuid] = std::move(state);
+}
+
+SubmapStore::SessionState* SubmapStore::Find(const std::string& session) {
+  const auto it = sessions_.find(session);
+  return it == sessions_.end() ? nullptr : it->second.get();
+}
+
+SubmapStore::SessionState* SubmapStore::FindOrAdd(const std::string& session) {
+  if (SessionState* state = Find(session)) return state;
+  const auto is_new = [](const auto& item) { return item.second->row == 0; };
+  if (static_cast<size_t>(std::count_if(sessions_.begin(), sessions_.end(), is_new)) >= kMaxOpenSessions) return nullptr;
+  auto& state = sessions_[session];
+  state = std::make_unique<SessionState>(session, options_.log);
+  return state.get();
+}
+
+// The same record again is what the protocol expects; another one under its number is not.
+bool SubmapStore::IsConflict(const SessionState& state, const EncodedRecord& record) {
+  if (state.row == 0 || record.seq > state.log.Cumulative()) return false;
+  const auto stored = database_.ReadPayload(state.row, record.seq);
+  return stored && *stored != record.data;
+}
+
+void SubmapStore::OnRecord(const std::string& channel, const uint8_t* data, int size, int64_t now_ms) {
+  const std::optional<RecordHeader> header = PeekHeader(data, size);
+  SessionState* state = header ? FindOrAdd(header->session) : nullptr;
+  if (state == nullptr) {
+    ++num_refused_;
+    return;
+  }
+  EncodedRecord record{header->session, header->seq, channel, std::vector<uint8_t>(data, data + size)};
+  const bool is_conflict = IsConflict(*state, record);
+  const SessionLog::Offered offered = state->log.Offer(std::move(record), now_ms);
+  if (offered == SessionLog::Offered::kDuplicate) ++num_duplicates_;
+  if (offered == SessionLog::Offered::kRefused || is_conflict) ++num_refused_;
+}
+
+void SubmapStore::OnHeartbeat(const stream_state_t& state, int64_t now_ms, int64_t wall_us) {
+  SessionState* session = IsSessionId(state.session) ? FindOrAdd(state.session) : nullptr;
+  if (session == nullptr) {
+    ++num_refused_;
+    return;
+  }
+  session->log.OnHeartbeat(state, now_ms, wall_us);
+}
+
+// A session of another vocabulary must not be mixed with what is there: its words mean other things.
+void SubmapStore::CheckVocabulary(SessionState* state) {
+  if (state->row != 0 || state->uncommitted.empty()) return;
+  const auto* entry = std::get_if<LogEntry>(&state->uncommitted.front());
+  const auto* start = entry == nullptr ? nullptr : std::get_if<SessionStarted>(&entry->record.body);
+  if (start == nullptr) return;
+  if (vocabulary_hash_.empty()) vocabulary_hash_ = start->vocabulary_hash;
+  if (start->vocabulary_hash == vocabulary_hash_) return;
+  const std::string error = "session " + entry->record.header.session + " uses vocabulary " + start->vocabulary_hash + ", but " +
+                            options_.path + " is for vocabulary " + vocabulary_hash_;
+  spdlog::error("{}", error);
+  state->uncommitted.clear();
+  state->log.RefuseSession(error);
+  ++num_refused_;
+}
+
+void SubmapStore::Write(SessionState* state) {
+  int64_t row = state->row;
+  for (const LogItem& item : state->uncommitted) {
+    if (const auto* gap = std::get_if<LogGap>(&item)) {
+      auto insert = database_.Prepare("INSERT OR IGNORE INTO gap(session, first_seq, last_seq, reason) VALUES(?, ?, ?, ?)");
+      insert->bind(1, row);
+      insert->bind(2, gap->first_seq);
+      insert->bind(3, gap->last_seq);
+      insert->bind(4, gap->reason);
+      insert->exec();
+      continue;
+    }
+    const auto& [encoded, record] = std::get<LogEntry>(item);
+    if (const auto* start = std::get_if<SessionStarted>(&record.body)) row = InsertSession(&database_, record.header, *start);
+    auto insert =
+        database_.Prepare("INSERT OR IGNORE INTO record(session, seq, channel, utime, payload) VALUES(?, ?, ?, ?, ?)");
+    insert->bind(1, row);
+    insert->bind(2, record.header.seq);
+    insert->bind(3, encoded.channel);
+    insert->bind(4, record.header.utime);
+    insert->bindNoCopy(5, encoded.data.data(), static_cast<int>(encoded.data.size()));
+    insert->exec();
+    WriteDerivedRows(&database_, row, record);
+  }
+}
+
+// What is in memory follows what is in the file.
+void SubmapStore::AfterCommit(SessionState* state) {
+  for (const LogItem& item : state->uncommitted) {
+    if (const auto* gap = std::get_if<LogGap>(&item)) {
+      num_gaps_ += gap->last_seq - gap->first_seq + 1;
+      continue;
+    }
+    ++num_records_;
+    const Record& record = std::get<LogEntry>(item).record;
+    const int64_t seq = record.header.seq;
+    if (std::holds_alternative<SessionStarted>(record.body)) {
+      for (const SessionRow& row : database_.Sessions()) {
+        if (row.uuid != record.header.session) continue;
+        state->row = row.id;
+        search_.AddSession(row);
+      }
+    } else if (const auto* start = std::get_if<SubmapStarted>(&record.body)) {
+      search_.StartSubmap(state->row, start->submap, seq);
+    } else if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body)) {
+      search_.AddKeyframe(state->row, keyframe->submap, keyframe->keyframe, seq, keyframe->bow);
+    } else if (const auto* update = std::get_if<MapUpdate>(&record.body)) {
+      for (const KeyframeId id : update->removed_keyframes) search_.RemoveKeyframe(state->row, id, seq);
+    } else if (const auto* end = std::get_if<SubmapEnded>(&record.body)) {
+      search_.EndSubmap(state->row, end->submap, seq);
+      Submap& submap = state->log.model()->submaps.at(end->submap);
+      Submap stub;
+      stub.id = submap.id;
+      stub.ended = true;
+      stub.last_frame = submap.last_frame;
+      geometry_.emplace_back(state->row, std::exchange(submap, std::move(stub)));
+    }
+  }
+  state->uncommitted.clear();
+  state->log.Committed();
+  search_.SetCumulative(state->row, state->log.Cumulative());
+}
+
+std::vector<std::string> SubmapStore::CommitReady(int64_t now_ms) {
+  std::vector<std::string> changed;
+  if (!error_.empty() && now_ms < retry_at_ms_) return changed;
+  for (auto& [uuid, state] : sessions_) {
+    if (error_.empty()) {
+      for (LogItem& item : state->log.TakeReady(now_ms)) state->uncommitted.push_back(std::move(item));
+      CheckVocabulary(state.get());
+    }
+    if (!state->uncommitted.empty()) changed.push_back(uuid);
+  }
+  if (changed.empty()) return changed;
+  try {
+    SQLite::Transaction transaction(database_.Sql());
+    for (const std::string& uuid : changed) Write(sessions_.at(uuid).get());
+    transaction.commit();
+  } catch (const SQLite::Exception& e) {
+    if (error_.empty()) spdlog::error("{}: {}", options_.path, Describe(e));
+    error_ = Describe(e);
+    retry_at_ms_ = now_ms + options_.retry_ms;
+    return {};
+  }
+  if (!error_.empty()) spdlog::info("{}: storing again", options_.path);
+  error_.clear();
+  for (const std::string& uuid : changed) AfterCommit(sessions_.at(uuid).get());
+  return changed;
+}
+
+bool SubmapStore::WorkInBackground() {
+  if (geometry_.empty() || !error_.empty()) return false;
+  GeometryWriter& writer = geometry_.front();
+  try {
+    if (!writer.Step(&database_)) return true;
+  } catch (const SQLite::Exception& e) {
+    spdlog::error("{}: {}", options_.path, Describe(e));
+    return false;
+  }
+  for (const auto& [id, keyframe] : writer.submap().keyframes) {
+    std::vector<int32_t> covisible;
+    for (const KeyframeId other : CovisibleKeyframes(writer.submap(), id)) covisible.push_back(other.value);
+    search_.SetCovisible(writer.session(), id, covisible);
+  }
+  search_.FinishSubmap(writer.session(), writer.submap().id);
+  geometry_.pop_front();
+  return !geometry_.empty();
+}
+
+std::vector<ack_t> SubmapStore::Acks(int64_t now_ms) const {
+  std::vector<ack_t> acks;
+  for (const auto& [uuid, state] : sessions_) {
+    if (state->log.WasHeard(now_ms, kAckWithinMs)) acks.push_back(state->log.MakeAck(error_));
+  }
+  return acks;
+}
+
+ack_t SubmapStore::Ack(const std::string& session) const { return sessions_.at(session)->log.MakeAck(error_); }
+
+fetched_t SubmapStore::Fetch(const fetch_t& request) {
+  fetched_t reply{};
+  reply.id = request.id;
+  reply.requester = request.requester;
+  reply.session = request.session;
+  reply.cumulative = -1;
+  if (request.session.empty()) {
+    for (const SessionRow& row : database_.Sessions()) {
+      cursor_t cursor{};
+      cursor.session = row.uuid;
+      cursor.seq = row.cumulative;
+      reply.sessions.push_back(cursor);
+    }
+    reply.num_sessions = static_cast<int32_t>(reply.sessions.size());
+    return reply;
+  }
+  SessionState* state = Find(request.session);
+  if (state == nullptr || state->row == 0) {
+    reply.status = fetched_t::UNKNOWN_SESSION;
+    return reply;
+  }
+  reply.cumulative = state->log.Cumulative();
+  reply.ended = state->log.Ended() && state->uncommitted.empty() ? 1 : 0;
+  if (request.first_seq < 0 || request.last_seq < request.first_seq) {
+    reply.status = fetched_t::BAD_REQUEST;
+    return reply;
+  }
+  const auto limit = static_cast<size_t>(std::clamp(request.max_bytes, 1, kMaxFetchBytes));
+  SessionRow row;
+  row.id = state->row;
+  row.uuid = request.session;
+  database_.ReadRecords(row, request.first_seq, std::min(request.last_seq, reply.cumulative), [&](const EncodedRecord& record) {
+    if (reply.num_records > 0 && reply.data.size() + record.data.size() > limit) return false;
+    ++reply.num_records;
+    reply.seq.push_back(record.seq);
+    reply.channel.push_back(record.channel);
+    reply.size.push_back(static_cast<int32_t>(record.data.size()));
+    reply.data.insert(reply.data.end(), record.data.begin(), record.data.end());
+    return true;
+  });
+  reply.num_bytes = static_cast<int32_t>(reply.data.size());
+  return reply;
+}
+
+session_closed_t SubmapStore::Close(const close_session_t& request, int64_t now_ms) {
+  session_closed_t reply{};
+  reply.id = request.id;
+  reply.requester = request.requester;
+  reply.session = request.session;
+  SessionState* state = Find(request.session);
+  if (state == nullptr || state->row == 0) {
+    reply.status = session_closed_t::UNKNOWN_SESSION;
+  } else if (!state->log.Ended() && state->log.IsAlive(now_ms)) {
+    reply.status = session_closed_t::STILL_ALIVE;
+  } else {
+    CommitReady(now_ms);
+    for (LogItem& item : state->log.TakeClosing()) state->uncommitted.push_back(std::move(item));
+    CommitReady(now_ms);
+    reply.status = state->uncommitted.empty() ? session_closed_t::OK : session_closed_t::STILL_ALIVE;
+    reply.cumulative = state->log.Cumulative();
+  }
+  return reply;
+}
+
+SubmapStore::Status SubmapStore::GetStatus(int64_t now_ms) const {
+  Status status;
+  status.error = error_;
+  status.records = num_records_;
+  status.keyframes = search_.NumKeyframes();
+  status.duplicates = num_duplicates_;
+  status.refused = num_refused_;
+  status.gaps = num_gaps_;
+  status.bytes_in_memory = search_.Bytes();
+  for (const auto& [uuid, state] : sessions_) {
+    status.refused += state->log.NumRefused();
+    status.queue_depth += state->log.QueueDepth() + static_cast<int>(state->uncommitted.size());
+    if (status.error.empty()) status.error = state->log.Error();
+    if (state->row == 0) continue;
+    status.cursors[uuid] = state->log.Cumulative();
+    if (state->log.Ended()) continue;
+    ++status.open_sessions;
+    if (!state->log.IsAlive(now_ms)) ++status.silent_sessions;
+  }
+  return status;
+}
+
+}  // namespace mapmend

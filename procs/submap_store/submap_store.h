@@ -1,0 +1,95 @@
+#pragma once
+
+#include <deque>
+#include <map>
+#include <mapmend/ack_t.hpp>
+#include <mapmend/bow_query_t.hpp>
+#include <mapmend/bow_result_t.hpp>
+#include <mapmend/close_session_t.hpp>
+#include <mapmend/fetch_t.hpp>
+#include <mapmend/fetched_t.hpp>
+#include <mapmend/session_closed_t.hpp>
+#include <mapmend/stream_state_t.hpp>
+#include <memory>
+#include <string>
+
+#include "procs/submap_store/bow_search.h"
+#include "procs/submap_store/database.h"
+#include "procs/submap_store/derived_tables.h"
+#include "procs/submap_store/revision_store.h"
+#include "procs/submap_store/session_log.h"
+
+namespace mapmend {
+
+struct SubmapStoreOptions {
+  std::string path;
+  std::string vocabulary_hash;  // sessions with another one are refused; empty: that of the first session in the file
+  SessionLogOptions log;
+  int64_t retry_ms = 250;  // after a failed commit, e.g. on a full disk
+
+  std::string Check() const;
+};
+
+// The durable log of the stream and the retrieval over it. Knows no bus: messages go in, replies come out. A record is acknowledged
+// only after it is committed. One thread. Times are milliseconds of a steady clock.
+class SubmapStore {
+ public:
+  // Opens or creates the file and rebuilds what is in memory. Throws std::runtime_error with one line if the file cannot be
+  // used, or holds sessions of another vocabulary.
+  explicit SubmapStore(const SubmapStoreOptions& options);
+
+  // The stream.
+  void OnRecord(const std::string& channel, const uint8_t* data, int size, int64_t now_ms);
+  void OnHeartbeat(const stream_state_t& state, int64_t now_ms, int64_t wall_us);
+  // Commits what has come in order, in one transaction. Returns the sessions that went forward (to be acknowledged).
+  std::vector<std::string> CommitReady(int64_t now_ms);
+  // Does a little of what can wait. True if there is more.
+  bool WorkInBackground();
+  // Of sessions heard of in the last two seconds.
+  std::vector<ack_t> Acks(int64_t now_ms) const;
+  ack_t Ack(const std::string& session) const;
+
+  // Requests.
+  bow_result_t Query(const bow_query_t& query) { return search_.Query(query); }
+  fetched_t Fetch(const fetch_t& request);
+  session_closed_t Close(const close_session_t& request, int64_t now_ms);
+  RevisionStore* revisions() { return &revisions_; }
+
+  struct Status {
+    std::string error;  // empty, or why nothing is committed
+    std::map<std::string, int64_t> cursors;
+    int64_t records = 0, keyframes = 0, duplicates = 0, refused = 0, gaps = 0, bytes_in_memory = 0;
+    int open_sessions = 0;
+    int silent_sessions = 0;  // open, but their frontend sends no heartbeats
+    int queue_depth = 0;
+  };
+  Status GetStatus(int64_t now_ms) const;
+
+ private:
+  struct SessionState {
+    explicit SessionState(const std::string& uuid, const SessionLogOptions& options) : log(uuid, options) {}
+    SessionLog log;
+    int64_t row = 0;  // 0: not in the file yet
+    std::vector<LogItem> uncommitted;
+  };
+
+  void Restore(const SessionRow& row);
+  SessionState* Find(const std::string& session);
+  SessionState* FindOrAdd(const std::string& session);
+  void CheckVocabulary(SessionState* state);
+  void Write(SessionState* state);
+  void AfterCommit(SessionState* state);
+  bool IsConflict(const SessionState& state, const EncodedRecord& record);
+
+  SubmapStoreOptions options_;
+  Database database_;
+  BowSearch search_;
+  RevisionStore revisions_;
+  std::map<std::string, std::unique_ptr<SessionState>> sessions_;
+  std::deque<GeometryWriter> geometry_;  // submaps that have ended
+  std::string vocabulary_hash_, error_;
+  int64_t retry_at_ms_ = 0;
+  int64_t num_records_ = 0, num_duplicates_ = 0, num_refused_ = 0, num_gaps_ = 0;
+};
+
+}  // namespace mapmend

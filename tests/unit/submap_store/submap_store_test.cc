@@ -1,0 +1,288 @@
+#include "procs/submap_store/submap_store.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "libs/bus/bus.h"
+#include "libs/bus/codec.h"
+#include "procs/submap_store/db_commands.h"
+#include "tests/synthetic_stream.h"
+#include "tests/temporary_folder.h"
+
+namespace mapmend {
+namespace {
+
+class SubmapStoreTest : public ::testing::Test {
+ protected:
+  void Open() {
+    store_.reset();
+    SubmapStoreOptions options;
+    options.path = folder_.File("map.db");
+    store_ = std::make_unique<SubmapStore>(options);
+  }
+  void Offer(const Record& record) { OfferEncoded(EncodeRecord(record)); }
+  void OfferEncoded(const EncodedRecord& encoded) {
+    store_->OnRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()), now_ms_);
+  }
+  void Heartbeat(int64_t first, int64_t last, bool is_replay = false) {
+    stream_state_t state{};
+    state.session = options_.session;
+    state.first = first;
+    state.last = last;
+    state.utime = is_replay ? 0 : 1000000 * now_ms_;
+    store_->OnHeartbeat(state, now_ms_, 1000000 * now_ms_);
+  }
+  void Commit() {
+    store_->CommitReady(now_ms_);
+    while (store_->WorkInBackground()) continue;
+  }
+  int64_t Cumulative() { return store_->Ack(options_.session).cumulative; }
+  std::vector<int64_t> Missing() { return store_->Ack(options_.session).missing; }
+
+  TemporaryFolder folder_;
+  SyntheticStreamOptions options_;
+  std::unique_ptr<SubmapStore> store_;
+  int64_t now_ms_ = 1000000;
+};
+
+TEST_F(SubmapStoreTest, AcknowledgesOnlyWhatIsCommitted) {
+  Open();
+  const auto records = MakeSyntheticStream(options_);
+  Offer(records[0]);
+  EXPECT_EQ(Cumulative(), -1);
+  Commit();
+  EXPECT_EQ(Cumulative(), 0);
+}
+
+TEST_F(SubmapStoreTest, PutsRecordsInOrderAndNamesTheHoles) {
+  Open();
+  const auto records = MakeSyntheticStream(options_);
+  for (const int seq : {0, 5, 1, 3}) Offer(records[static_cast<size_t>(seq)]);
+  Heartbeat(0, 7);
+  Commit();
+  EXPECT_EQ(Cumulative(), 1);
+  EXPECT_EQ(Missing(), (std::vector<int64_t>{2, 4, 6, 7}));
+  for (const int seq : {4, 2, 6, 7}) Offer(records[static_cast<size_t>(seq)]);
+  Commit();
+  EXPECT_EQ(Cumulative(), 7);
+  EXPECT_TRUE(Missing().empty());
+}
+
+TEST_F(SubmapStoreTest, IsIdempotentAcrossRestarts) {
+  const auto records = MakeSyntheticStream(options_);
+  const size_t half = records.size() / 2;
+  Open();
+  for (size_t i = 0; i < half; ++i) Offer(records[i]);
+  Commit();
+  Open();
+  EXPECT_EQ(store_->GetStatus(now_ms_).records, static_cast<int64_t>(half));
+  for (const Record& record : records) Offer(record);
+  Commit();
+  EXPECT_EQ(Cumulative(), static_cast<int64_t>(records.size()) - 1);
+  const auto status = store_->GetStatus(now_ms_);
+  EXPECT_EQ(status.records, static_cast<int64_t>(records.size()));
+  EXPECT_EQ(status.duplicates, static_cast<int64_t>(half));
+  EXPECT_EQ(status.refused, 0);
+  EXPECT_EQ(status.open_sessions, 0);
+  store_.reset();
+  EXPECT_TRUE(CheckDb(folder_.File("map.db")).empty());
+}
+
+TEST_F(SubmapStoreTest, FetchReturnsWhatWasPublishedInBoundedReplies) {
+  Open();
+  const auto records = MakeSyntheticStream(options_);
+  for (const Record& record : records) Offer(record);
+  Commit();
+  std::vector<std::vector<uint8_t>> fetched;
+  fetch_t request{};
+  request.session = options_.session;
+  request.last_seq = 1000;
+  request.max_bytes = 20000;
+  while (fetched.size() < records.size()) {
+    request.first_seq = static_cast<int64_t>(fetched.size());
+    const fetched_t reply = store_->Fetch(request);
+    ASSERT_EQ(reply.status, fetched_t::OK);
+    ASSERT_GT(reply.num_records, 0);
+    EXPECT_TRUE(reply.ended);
+    EXPECT_TRUE(reply.num_records == 1 || reply.num_bytes <= 20000);
+    auto at = reply.data.begin();
+    for (int i = 0; i < reply.num_records; ++i) {
+      EXPECT_EQ(reply.seq[static_cast<size_t>(i)], static_cast<int64_t>(fetched.size()));
+      fetched.emplace_back(at, at + reply.size[static_cast<size_t>(i)]);
+      at += reply.size[static_cast<size_t>(i)];
+    }
+  }
+  for (size_t i = 0; i < records.size(); ++i) EXPECT_EQ(fetched[i], EncodeRecord(records[i]).data);
+  const fetched_t list = store_->Fetch(fetch_t{});
+  ASSERT_EQ(list.num_sessions, 1);
+  EXPECT_EQ(list.sessions[0].seq, static_cast<int64_t>(records.size()) - 1);
+}
+
+TEST_F(SubmapStoreTest, RefusesBadRecordsAndGoesOn) {
+  Open();
+  auto records = MakeSyntheticStream(options_);
+  // Record 3 is the first keyframe, 4 changes it.
+  std::get<MapUpdate>(records[4].body).observations.push_back({KeyframeId(77), 0, MapPointId(0)});
+  for (const Record& record : records) Offer(record);
+  const uint8_t garbage[20] = {};
+  store_->OnRecord("MAPMEND_KEYFRAME", garbage, 20, now_ms_);
+  Commit();
+  EXPECT_EQ(Cumulative(), static_cast<int64_t>(records.size()) - 1);
+  EXPECT_EQ(store_->GetStatus(now_ms_).refused, 2);
+  EXPECT_EQ(store_->GetStatus(now_ms_).gaps, 1);
+  EXPECT_EQ(Missing(), std::vector<int64_t>{4});
+  store_.reset();
+  EXPECT_TRUE(CheckDb(folder_.File("map.db")).empty());
+}
+
+TEST_F(SubmapStoreTest, CountsAnotherRecordUnderACommittedNumber) {
+  Open();
+  auto records = MakeSyntheticStream(options_);
+  for (int i = 0; i < 4; ++i) Offer(records[static_cast<size_t>(i)]);
+  Commit();
+  std::get<KeyframeRecord>(records[3].body).frame = 99;
+  Offer(records[3]);
+  Commit();
+  EXPECT_EQ(store_->GetStatus(now_ms_).refused, 1);
+  EXPECT_EQ(Cumulative(), 3);
+}
+
+TEST_F(SubmapStoreTest, RefusesASessionOfAnotherVocabulary) {
+  Open();
+  Offer(MakeSyntheticStream(options_)[0]);
+  Commit();
+  SyntheticStreamOptions other = options_;
+  other.session = "other";
+  other.vocabulary_hash = "0badcafe";
+  Offer(MakeSyntheticStream(other)[0]);
+  Commit();
+  EXPECT_EQ(store_->Ack("other").cumulative, -1);
+  EXPECT_NE(store_->Ack("other").error.find("uses vocabulary 0badcafe"), std::string::npos);
+  EXPECT_NE(store_->GetStatus(now_ms_).error.find("vocabulary"), std::string::npos);
+  store_.reset();
+  SubmapStoreOptions options;
+  options.path = folder_.File("map.db");
+  options.vocabulary_hash = "0badcafe";
+  EXPECT_THROW(SubmapStore{options}, std::runtime_error);
+}
+
+TEST_F(SubmapStoreTest, WaitsForALiveFrontendButNotForARecording) {
+  Open();
+  const auto records = MakeSyntheticStream(options_);
+  for (const int seq : {0, 1, 3, 4}) Offer(records[static_cast<size_t>(seq)]);
+  for (int i = 0; i < 100; ++i) {
+    now_ms_ += 1000;
+    Heartbeat(0, 4);
+    Commit();
+  }
+  EXPECT_EQ(Cumulative(), 1);
+  for (int i = 0; i < 4; ++i) {
+    now_ms_ += 1000;
+    Heartbeat(0, 4, true);
+    Commit();
+  }
+  EXPECT_EQ(Cumulative(), 4);
+  EXPECT_EQ(store_->GetStatus(now_ms_).gaps, 3);  // 2, and 3 and 4 that need what it brought
+}
+
+TEST_F(SubmapStoreTest, ClosesASessionWhoseFrontendDied) {
+  Open();
+  const auto records = MakeSyntheticStream(options_);
+  for (size_t i = 0; i < 10; ++i) Offer(records[i]);
+  Heartbeat(0, 9);
+  Commit();
+  close_session_t request{};
+  request.session = options_.session;
+  EXPECT_EQ(store_->Close(request, now_ms_).status, session_closed_t::STILL_ALIVE);
+  now_ms_ += 5000;
+  EXPECT_EQ(store_->GetStatus(now_ms_).silent_sessions, 1);
+  const session_closed_t reply = store_->Close(request, now_ms_);
+  EXPECT_EQ(reply.status, session_closed_t::OK);
+  EXPECT_EQ(reply.cumulative, 11);  // submap ended, session ended
+  EXPECT_EQ(store_->GetStatus(now_ms_).open_sessions, 0);
+  EXPECT_EQ(store_->Close(request, now_ms_).cumulative, 11);  // again is harmless
+  store_.reset();
+  EXPECT_TRUE(CheckDb(folder_.File("map.db")).empty());
+}
+
+TEST_F(SubmapStoreTest, QueryFindsTheSamePlaceInAnotherSubmap) {
+  Open();
+  const auto records = MakeSyntheticStream(options_);
+  for (const Record& record : records) Offer(record);
+  Commit();
+  bow_query_t query{};
+  query.session = options_.session;
+  query.keyframe = 14;  // the fifth of submap 1
+  cursor_t cursor{};
+  cursor.session = options_.session;
+  cursor.seq = static_cast<int64_t>(records.size()) - 1;
+  query.cursors = {cursor};
+  query.num_cursors = 1;
+  const bow_result_t result = store_->Query(query);
+  ASSERT_EQ(result.status, bow_result_t::OK);
+  EXPECT_EQ(result.adjacent, 13);
+  EXPECT_GE(result.nearby, 10);
+  EXPECT_GT(result.n0, result.n1);
+  EXPECT_NEAR(result.k, static_cast<float>(result.n1) / static_cast<float>(result.n0), 1e-6);
+  EXPECT_NEAR(result.l, result.s1 / result.s0, 1e-5);
+  ASSERT_GE(result.num_candidates, 1);
+  EXPECT_EQ(result.candidates[0].submap, 0);
+  EXPECT_EQ(result.candidates[0].keyframe, 4);
+}
+
+// A restarted merger asks again what it asked before; the store has gone on meanwhile.
+TEST_F(SubmapStoreTest, QueryAnswersAsOfTheCursorWhateverCameLater) {
+  const auto records = MakeSyntheticStream(options_);
+  Open();
+  std::vector<std::vector<uint8_t>> live;
+  std::vector<bow_query_t> queries;
+  for (const Record& record : records) {
+    Offer(record);
+    store_->CommitReady(now_ms_);
+    const auto* keyframe = std::get_if<KeyframeRecord>(&record.body);
+    if (keyframe == nullptr) continue;
+    bow_query_t query{};
+    query.session = options_.session;
+    query.keyframe = keyframe->keyframe.value;
+    cursor_t cursor{};
+    cursor.session = options_.session;
+    cursor.seq = record.header.seq;
+    query.cursors = {cursor};
+    query.num_cursors = 1;
+    live.push_back(EncodeMessage(store_->Query(query)));
+    queries.push_back(query);
+  }
+  Commit();
+  for (size_t i = 0; i < queries.size(); ++i) EXPECT_EQ(EncodeMessage(store_->Query(queries[i])), live[i]);
+  Open();
+  for (size_t i = queries.size(); i-- > 0;) {
+    bow_query_t query = queries[i];
+    EXPECT_EQ(EncodeMessage(store_->Query(query)), live[i]) << "keyframe " << query.keyframe;
+  }
+}
+
+TEST_F(SubmapStoreTest, QueryBeyondWhatIsCommittedIsNotAnsweredYet) {
+  Open();
+  const auto records = MakeSyntheticStream(options_);
+  for (int i = 0; i < 4; ++i) Offer(records[static_cast<size_t>(i)]);
+  Commit();
+  bow_query_t query{};
+  query.session = options_.session;
+  cursor_t cursor{};
+  cursor.session = options_.session;
+  cursor.seq = 4;
+  query.cursors = {cursor};
+  query.num_cursors = 1;
+  EXPECT_EQ(store_->Query(query).status, bow_result_t::NOT_YET);
+  query.cursors[0].seq = 3;
+  EXPECT_EQ(store_->Query(query).status, bow_result_t::OK);
+  query.keyframe = 5;
+  EXPECT_EQ(store_->Query(query).status, bow_result_t::UNKNOWN_KEYFRAME);
+  query.cursors.clear();
+  query.num_cursors = 0;
+  EXPECT_EQ(store_->Query(query).status, bow_result_t::BAD_QUERY);
+}
+
+}  // namespace
+}  // namespace mapmend
