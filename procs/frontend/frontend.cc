@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 
+#include "libs/geometry/triangulation.h"
 #include "libs/retrieval/vocabulary.h"
 
 namespace mapmend {
@@ -201,26 +202,19 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
 bool Frontend::NeedsKeyframe(const Frame& frame, const TrackResult& result) const {
   const Frame& key = *map_->Keyframe(result.reference_keyframe).frame;
   // Points that only two keyframes saw are often not found again, through no fault of this frame's.
-  constexpr size_t kSolidObservations = 3;
-  int solid = 0;
-  std::vector<std::pair<int, int>> by_point;  // point, feature of the keyframe
-  for (size_t i = 0; i < key.points.size(); ++i) {
-    if (key.points[i] < 0) continue;
-    solid += map_->Point(key.points[i]).observations.size() >= kSolidObservations;
-    by_point.emplace_back(key.points[i], static_cast<int>(i));
+  const size_t solid_observations = map_->LastKeyframe() < 3 ? 2 : 3;
+  const auto is_solid = [&](int p) { return p >= 0 && map_->Point(p).observations.size() >= solid_observations; };
+  const auto solid = std::count_if(key.points.begin(), key.points.end(), is_solid);
+  if (result.num_inliers < options_.keyframe_ratio * static_cast<double>(solid)) return true;
+  if (result.num_inliers < options_.comfortable_inliers) return true;
+  // Parallax, not motion of the image: a turn on the spot gives nothing to triangulate.
+  const Eigen::Vector3d center = frame.cam_from_submap.Center(), key_center = key.cam_from_submap.Center();
+  std::vector<double> cosines;
+  for (const int p : frame.points) {
+    if (p >= 0) cosines.push_back(CosIntersectionAngle(map_->Point(p).position, center, key_center));
   }
-  if (result.num_inliers < options_.keyframe_ratio * solid) return true;
-  std::sort(by_point.begin(), by_point.end());
-  std::vector<double> shifts;
-  for (size_t i = 0; i < frame.points.size(); ++i) {
-    if (frame.points[i] < 0) continue;
-    const auto it = std::lower_bound(by_point.begin(), by_point.end(), std::pair(frame.points[i], -1));
-    if (it == by_point.end() || it->first != frame.points[i]) continue;
-    shifts.push_back((frame.features.keypoints[i].pixel - key.features.keypoints[it->second].pixel).norm());
-  }
-  if (shifts.empty()) return true;
-  std::nth_element(shifts.begin(), shifts.begin() + shifts.size() / 2, shifts.end());
-  return shifts[shifts.size() / 2] > options_.keyframe_motion * camera_.width;
+  std::nth_element(cosines.begin(), cosines.begin() + cosines.size() / 2, cosines.end());
+  return cosines[cosines.size() / 2] < std::cos(options_.keyframe_angle_deg * M_PI / 180);
 }
 
 void Frontend::InsertKeyframe(const FramePtr& frame) {

@@ -22,8 +22,9 @@ struct FrontendOptions {
   LocalMapperOptions mapper;
   int max_lost_frames = 3;          // consecutive frames without orientation: the submap is closed (paper §3.2)
   int relocalisation_frames = 10;   // further frames in which the submap may be found again before it is closed
-  double keyframe_ratio = 0.8;      // new keyframe when fewer points are seen than this share of the reference keyframe's
-  double keyframe_motion = 0.06;    // or when the view has moved from it by this share of the image width
+  double keyframe_ratio = 0.7;      // new keyframe when fewer points are seen than this share of the reference keyframe's
+  int comfortable_inliers = 100;    // or fewer than this
+  double keyframe_angle_deg = 3;    // or when the points are seen under an angle that differs by this much (median)
   int confirm_frames = 2;           // frames that must be tracked in a new submap before it is believed
 };
 
