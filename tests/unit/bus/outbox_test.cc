@@ -1,0 +1,96 @@
+#include "libs/bus/outbox.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "tests/temporary_folder.h"
+
+namespace mapmend {
+namespace {
+
+EncodedRecord MakeRecord(int64_t seq, size_t size = 1000) {
+  EncodedRecord record{"s1", seq, "MAPMEND_KEYFRAME", std::vector<uint8_t>(size)};
+  for (size_t i = 0; i < size; ++i) record.data[i] = static_cast<uint8_t>(i * 7 + static_cast<size_t>(seq));
+  return record;
+}
+
+class OutboxTest : public ::testing::Test {
+ protected:
+  TemporaryFolder folder_;
+  std::string path_ = folder_.File("outbox");
+};
+
+TEST_F(OutboxTest, HoldsWhatIsNotAcknowledgedAcrossProcesses) {
+  {
+    Outbox outbox(path_);
+    for (int64_t seq = 0; seq < 10; ++seq) outbox.Append(MakeRecord(seq));
+    outbox.Acknowledge(3);
+  }
+  Outbox outbox(path_);
+  // Acknowledgements are not written down: what was committed is sent again, which does no harm.
+  EXPECT_EQ(outbox.FirstSeq(), 0);
+  EXPECT_EQ(outbox.LastSeq(), 9);
+  EXPECT_EQ(outbox.Session(), "s1");
+  const auto record = outbox.Read(7);
+  ASSERT_TRUE(record);
+  EXPECT_EQ(record->data, MakeRecord(7).data);
+  EXPECT_EQ(record->channel, "MAPMEND_KEYFRAME");
+  EXPECT_FALSE(outbox.Read(10));
+}
+
+TEST_F(OutboxTest, IsEmptyOnceAllIsAcknowledged) {
+  Outbox outbox(path_);
+  for (int64_t seq = 0; seq < 5; ++seq) outbox.Append(MakeRecord(seq));
+  outbox.Acknowledge(4);
+  EXPECT_TRUE(outbox.Empty());
+  EXPECT_EQ(std::filesystem::file_size(path_), 0u);
+}
+
+TEST_F(OutboxTest, CutsOffATornEnd) {
+  {
+    Outbox outbox(path_);
+    for (int64_t seq = 0; seq < 5; ++seq) outbox.Append(MakeRecord(seq));
+  }
+  std::filesystem::resize_file(path_, std::filesystem::file_size(path_) - 10);
+  Outbox outbox(path_);
+  EXPECT_EQ(outbox.LastSeq(), 3);
+  outbox.Append(MakeRecord(4));
+  EXPECT_EQ(outbox.Read(4)->data, MakeRecord(4).data);
+}
+
+TEST_F(OutboxTest, LeavesAForeignFileAsItIs) {
+  std::ofstream(path_) << "my diary, long enough";
+  EXPECT_THROW(Outbox{path_}, std::runtime_error);
+  std::ifstream in(path_);
+  std::string text;
+  std::getline(in, text);
+  EXPECT_EQ(text, "my diary, long enough");
+}
+
+TEST_F(OutboxTest, BelongsToOneProcessAtATime) {
+  Outbox outbox(path_);
+  EXPECT_THROW(Outbox{path_}, std::runtime_error);
+}
+
+TEST_F(OutboxTest, GivesBackDiskWhileMuchIsStillHeld) {
+  Outbox outbox(path_);
+  for (int64_t seq = 0; seq < 100; ++seq) outbox.Append(MakeRecord(seq, 1 << 20));
+  outbox.Acknowledge(80);
+  EXPECT_LT(std::filesystem::file_size(path_), 40u << 20);
+  for (int64_t seq = 81; seq < 100; ++seq) EXPECT_EQ(outbox.Read(seq)->data, MakeRecord(seq, 1 << 20).data);
+  outbox.Append(MakeRecord(100));
+  EXPECT_EQ(outbox.Read(100)->data, MakeRecord(100).data);
+}
+
+TEST_F(OutboxTest, WorksInMemoryWithoutAFile) {
+  Outbox outbox("");
+  outbox.Append(MakeRecord(0));
+  outbox.Append(MakeRecord(1));
+  outbox.Acknowledge(0);
+  EXPECT_EQ(outbox.Read(1)->data, MakeRecord(1).data);
+}
+
+}  // namespace
+}  // namespace mapmend
