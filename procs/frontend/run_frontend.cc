@@ -21,7 +21,7 @@ namespace mapmend {
 namespace {
 
 constexpr int kExitTruncatedInput = 3;
-constexpr int kFlushTimeoutMs = 20000;
+constexpr int kFlushTimeoutMs = 20000, kStopFlushTimeoutMs = 1500;  // without progress; asked to stop, the store may be gone
 
 double Percentile(std::vector<double> values, double share) {
   if (values.empty()) return 0;
@@ -140,7 +140,7 @@ int RunFrontend(const RunOptions& options) {
   health.SetCounter("track_ms_median", Percentile(track_ms, 0.5));
   health.SetCounter("track_ms_p95", Percentile(track_ms, 0.95));
   health.Tick();
-  if (!sender.Flush(kFlushTimeoutMs)) {
+  if (!sender.Flush(StopRequested() ? kStopFlushTimeoutMs : kFlushTimeoutMs)) {
     const std::string why = sender.StoreError().empty() ? "the submap store does not answer" : sender.StoreError();
     throw std::runtime_error(std::to_string(sender.LastSeq() - sender.AcknowledgedSeq()) + " records were not stored (" + why + ")" +
                              (options.outbox_path.empty() ? "" : "; they are kept in " + options.outbox_path));

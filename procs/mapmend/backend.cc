@@ -1,12 +1,10 @@
 #include "procs/mapmend/backend.h"
 
-#include <algorithm>
 #include <chrono>
 #include <fstream>
 #include <stdexcept>
 #include <thread>
 
-#include "libs/bus/health.h"
 #include "libs/bus/process.h"
 #include "procs/mapmend/bus_plan.h"
 #include "procs/mapmend/paths.h"
@@ -40,7 +38,10 @@ std::string FindHubUrl(const std::string& log_path) {
 
 }  // namespace
 
-Backend::Backend(const BackendOptions& options) : options_(options), supervisor_(MakeSupervisorOptions(options)) {
+Backend::Backend(const BackendOptions& options)
+    : options_(options),
+      redirection_(std::make_unique<StderrRedirection>(options.out + "/logs/mapmend.log")),
+      supervisor_(MakeSupervisorOptions(options)) {
   const BusPlan plan = PlanBus(options_.lcm_url);
   url_ = plan.url;
   if (plan.start_hub) StartHub(plan.hub_port, plan.hub_bind);
@@ -128,15 +129,7 @@ void Backend::Tick(int timeout_ms) {
       monitor_->Forget(name, health->pid);
     }
   }
-  KeepPeakMemory();
   supervisor_.Tick();
-}
-
-void Backend::KeepPeakMemory() {
-  for (const auto& [key, entry] : monitor_->Entries()) {
-    double& peak = peak_rss_mb_[key.first];
-    peak = std::max(peak, entry.peak_rss_mb);
-  }
 }
 
 const HealthMonitor::Entry* Backend::Health(const std::string& name) const {
@@ -161,16 +154,10 @@ bool Backend::IsFinished(const std::string& session, int64_t last_seq) const {
 }
 
 std::vector<std::pair<std::string, ResourceUsage>> Backend::StopAll() {
+  monitor_.reset();
+  bus_.reset();  // before the hub goes
   supervisor_.StopAll();
-  auto usage = supervisor_.Usage();
-  // The kernel counts the launcher's own pages between fork and exec as the child's: where that is what it has seen, the
-  // process's own report is the better one.
-  const double own_peak = ReadProcessUsage().peak_rss_mb;
-  for (auto& [name, used] : usage) {
-    const auto reported = peak_rss_mb_.find(name);
-    if (used.peak_rss_mb <= own_peak && reported != peak_rss_mb_.end()) used.peak_rss_mb = reported->second;
-  }
-  return usage;
+  return supervisor_.Usage();
 }
 
 }  // namespace mapmend

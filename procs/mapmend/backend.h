@@ -1,13 +1,13 @@
 #pragma once
 
 #include <exception>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 
 #include "libs/bus/bus.h"
 #include "procs/mapmend/health_monitor.h"
+#include "procs/mapmend/stderr_redirection.h"
 #include "procs/mapmend/supervisor.h"
 
 namespace mapmend {
@@ -60,14 +60,13 @@ class Backend {
   void StartHub(int port, const std::string& bind);
   void WaitUntilReady(const std::string& name);
   void RefuseSharedStore();
-  void KeepPeakMemory();
 
   BackendOptions options_;
+  std::unique_ptr<StderrRedirection> redirection_;  // liblcm talks on stderr of its own accord
   std::string url_;
   Supervisor supervisor_;
   std::unique_ptr<Bus> bus_;
   std::unique_ptr<HealthMonitor> monitor_;
-  std::map<std::string, double> peak_rss_mb_;  // as the processes report it
 };
 
 }  // namespace mapmend

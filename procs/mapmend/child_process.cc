@@ -11,6 +11,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
+#include <fstream>
 #include <stdexcept>
 #include <thread>
 
@@ -103,6 +104,16 @@ std::optional<ExitStatus> ChildProcess::Poll() {
   }
   status_ = status;
   return status_;
+}
+
+double ChildProcess::ReadPeakRssMb() const {
+  if (status_) return 0;
+  std::ifstream file("/proc/" + std::to_string(pid_) + "/status");
+  const std::string key = "VmHWM:";
+  for (std::string line; std::getline(file, line);) {
+    if (line.starts_with(key)) return std::strtod(line.c_str() + key.size(), nullptr) / 1024.0;  // in KiB
+  }
+  return 0;
 }
 
 void ChildProcess::Signal(int signal) {

@@ -11,7 +11,8 @@
 // /dev/null; standard output and error are appended to a log file.
 namespace mapmend {
 
-// What a process has used, from wait4.
+// What a process has used, from wait4. The kernel counts the launcher's own pages between fork and exec as the child's, so that
+// peak_rss_mb of a small process is the launcher's own; the supervisor corrects that.
 struct ResourceUsage {
   double cpu_s = 0;
   double peak_rss_mb = 0;
@@ -43,6 +44,8 @@ class ChildProcess {
   ExitStatus Stop(int grace_ms);
 
   pid_t Pid() const { return pid_; }
+  // Highest resident memory so far, as the kernel tells for a process that runs; 0 once it has ended.
+  double ReadPeakRssMb() const;
 
  private:
   pid_t pid_ = -1;

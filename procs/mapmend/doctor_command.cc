@@ -124,7 +124,7 @@ void AddDoctorCommand(CLI::App* app) {
     healthy &= Examine("bus", [&] { return CheckBus(UrlFromOptionOrEnvironment(options->lcm_url)); });
     healthy &= Examine("multicast", CheckMulticast);
     healthy &= Examine("multicast", CheckReceiveBuffer);
-    healthy &= Examine("live page", [] { return Ok("port " + std::to_string(FindFreePort(8080, false, "--port")) + " is free"); });
+    healthy &= Examine("live page", [] { return Ok("port " + std::to_string(FreePort(8080, false, "--port").Port()) + " is free"); });
     healthy &= Examine("disk", [&] { return CheckDisk(options->out); });
     healthy &= Examine("recorder", [] { return CheckTool("lcm-logger", "liblcm-bin", "--record"); });
     healthy &= Examine("spy", [] { return CheckTool("java", "default-jre", "mapmend spy"); });

@@ -5,10 +5,12 @@
 #include <netinet/in.h>
 #include <sys/file.h>
 #include <sys/socket.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <cstddef>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -36,6 +38,21 @@ bool IsFree(int port) {
   const bool free = bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0 && listen(fd, 1) == 0;
   close(fd);
   return free;
+}
+
+// A name in the kernel's list of abstract sockets that only one process at a time can hold: between the moment a run finds a port
+// free and the moment its server listens there, no other run must find it free. -1 if it is held.
+int Claim(int port) {
+  const int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  if (fd < 0) return -1;
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  const std::string name = "mapmend-port-" + std::to_string(port);
+  std::memcpy(address.sun_path + 1, name.data(), name.size());
+  const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + name.size());
+  if (bind(fd, reinterpret_cast<const sockaddr*>(&address), size) == 0) return fd;
+  close(fd);
+  return -1;
 }
 
 void RemoveResults(const std::string& path) {
@@ -79,13 +96,20 @@ OutFolder::OutFolder(const std::string& path, bool overwrite, bool append) {
 
 OutFolder::~OutFolder() { close(fd_); }
 
-int FindFreePort(int first, bool only, const std::string& option) {
+FreePort::FreePort(int first, bool only, const std::string& option) {
   if (first < 1 || first > 65535) throw std::runtime_error(option + " " + std::to_string(first) + ": ports are 1 to 65535");
   for (int port = first; port <= (only ? first : std::min(65535, first + 99)); ++port) {
-    if (IsFree(port)) return port;
+    claim_ = Claim(port);
+    if (claim_ >= 0 && IsFree(port)) {
+      port_ = port;
+      return;
+    }
+    if (claim_ >= 0) close(claim_);
   }
   throw std::runtime_error(only ? option + " " + std::to_string(first) + ": the port is in use by another program; choose another"
                                 : "no free port from " + std::to_string(first) + " on; choose one with " + option);
 }
+
+FreePort::~FreePort() { close(claim_); }
 
 }  // namespace mapmend

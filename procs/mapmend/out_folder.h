@@ -18,8 +18,18 @@ class OutFolder {
   int fd_ = -1;
 };
 
-// A port of this host on which nobody listens, from first on. With `only`, first or nothing. Throws std::runtime_error
-// naming the port and the option if there is none.
-int FindFreePort(int first, bool only, const std::string& option);
+// A port of this host on which nobody listens, kept from other runs that look for one as long as this object lives.
+class FreePort {
+ public:
+  // From first on; with `only`, first or nothing. Throws std::runtime_error naming the port and the option if there is none.
+  FreePort(int first, bool only, const std::string& option);
+  ~FreePort();
+  FreePort(const FreePort&) = delete;
+  FreePort& operator=(const FreePort&) = delete;
+  int Port() const { return port_; }
+
+ private:
+  int port_ = 0, claim_ = -1;
+};
 
 }  // namespace mapmend

@@ -68,7 +68,8 @@ int Replay(ReplayOptions options) {
     throw std::runtime_error("log " + options.log + " was recorded with the vocabulary " + log.VocabularyHash() + ", " + options.vocabulary +
                              " is " + hash + ": give the right one with --vocabulary");
   }
-  if (options.port != 0) FindFreePort(options.port, true, "--port");
+  std::unique_ptr<FreePort> page;  // none with --port 0
+  if (options.port != 0) page = std::make_unique<FreePort>(options.port, true, "--port");
   const OutFolder out_folder(options.out, options.overwrite, false);
 
   Progress progress;
@@ -95,12 +96,12 @@ int Replay(ReplayOptions options) {
     figures.processes = backend.StopAll();
     figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
     progress.Say(FinishRun(options.out, figures));
-    for (const std::string& complaint : log.Complaints()) std::fprintf(stderr, "mapmend: %s\n", complaint.c_str());
-    return log.Complaints().empty() ? 0 : kExitInputCutShort;
   } catch (const Interrupted&) {
     progress.Say("interrupted: " + options.out + "/map.db holds what was mapped so far");
     return kExitInterrupted;
   }
+  for (const std::string& complaint : log.Complaints()) std::fprintf(stderr, "mapmend: %s\n", complaint.c_str());
+  return log.Complaints().empty() ? 0 : kExitInputCutShort;
 }
 
 }  // namespace

@@ -1,6 +1,5 @@
 #include "procs/mapmend/run_flight.h"
 
-#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <fstream>
@@ -51,7 +50,7 @@ std::vector<std::string> FrontendArguments(const RunOptions& options, const std:
 std::string DescribeProgress(const Backend& backend, int num_frames) {
   const auto* frontend = backend.Health("frontend");
   const double frames = CounterOr(frontend, "frames", 0), fps = CounterOr(frontend, "fps", 0);
-  const double total = std::max<double>(CounterOr(frontend, "frames_total", 0), num_frames);
+  const double total = CounterOr(frontend, "frames_total", num_frames);
   char text[200];
   int size = std::snprintf(text, sizeof(text), "%.0f", frames);
   if (total > 0) size += std::snprintf(text + size, sizeof(text) - size, "/%.0f", total);
@@ -68,13 +67,16 @@ int RunFlight(const RunInputs& inputs) {
   const RunOptions& options = inputs.options;
   const auto start = Clock::now();
   InstallSignalHandlers();
-  const int port = options.port ? (*options.port == 0 ? 0 : FindFreePort(*options.port, true, "--port"))
-                                : FindFreePort(8080, false, "--port");
+  std::unique_ptr<FreePort> page;  // none with --port 0
+  if (options.port.value_or(1) != 0) page = std::make_unique<FreePort>(options.port.value_or(8080), options.port.has_value(), "--port");
+  const int port = page ? page->Port() : 0;
   const OutFolder out_folder(options.out, options.overwrite, options.append);
   const std::string recording = options.record.empty() ? "" : CheckRecordFolder(options.record, options.overwrite);
 
   for (const std::string& note : inputs.notes) std::printf("%s\n", note.c_str());
   Progress progress;
+  std::string complaint;
+  int exit_code = 0;
   try {
     BackendOptions backend_options;
     backend_options.out = options.out;
@@ -104,7 +106,6 @@ int RunFlight(const RunInputs& inputs) {
     }
     const ExitStatus status = *backend.supervisor()->Status("frontend");
     const bool cut_short = status.signal == 0 && status.code == kExitInputCutShort;
-    std::string complaint;
     const auto cursor = frontend.cursors.find(session);
     int64_t last_seq = cursor == frontend.cursors.end() ? -1 : cursor->second;
     if (!status.Success()) {
@@ -133,13 +134,13 @@ int RunFlight(const RunInputs& inputs) {
     figures.processes = backend.StopAll();
     figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
     progress.Say(FinishRun(options.out, figures));
-    if (complaint.empty()) return 0;
-    std::fprintf(stderr, "mapmend: %s; what could be read is mapped\n", complaint.c_str());
-    return cut_short ? kExitInputCutShort : 1;
+    if (!complaint.empty()) exit_code = cut_short ? kExitInputCutShort : 1;
   } catch (const Interrupted&) {
     progress.Say("interrupted: " + options.out + "/map.db holds what was mapped so far");
     return kExitInterrupted;
   }
+  if (!complaint.empty()) std::fprintf(stderr, "mapmend: %s; what could be read is mapped\n", complaint.c_str());
+  return exit_code;
 }
 
 }  // namespace mapmend

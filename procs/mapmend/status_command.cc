@@ -12,6 +12,7 @@
 #include "libs/bus/process.h"
 #include "procs/mapmend/commands.h"
 #include "procs/mapmend/health_monitor.h"
+#include "procs/mapmend/stderr_redirection.h"
 
 namespace mapmend {
 namespace {
@@ -57,6 +58,7 @@ void PrintTable(const HealthMonitor& monitor, const std::string& url) {
 void ShowStatus(const StatusOptions& options) {
   InstallSignalHandlers();
   const std::string url = options.run.empty() ? ResolveLcmUrl(options.lcm_url) : UrlOfRun(options.run);
+  const StderrRedirection quiet("/dev/null");
   Bus bus(url, options.channel_prefix);
   HealthMonitor monitor(&bus);
   const bool terminal = isatty(STDOUT_FILENO) != 0;

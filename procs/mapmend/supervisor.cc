@@ -1,5 +1,7 @@
 #include "procs/mapmend/supervisor.h"
 
+#include <sys/resource.h>
+
 #include <algorithm>
 #include <csignal>
 #include <filesystem>
@@ -16,6 +18,14 @@ long FileSize(const std::string& path) {
   const auto size = std::filesystem::file_size(path, error);
   return error ? 0 : static_cast<long>(size);
 }
+
+double OwnPeakMb() {
+  rusage used{};
+  getrusage(RUSAGE_SELF, &used);
+  return static_cast<double>(used.ru_maxrss) / 1024.0;  // ru_maxrss is in KiB
+}
+
+constexpr milliseconds kSampleInterval(100);
 
 }  // namespace
 
@@ -70,7 +80,14 @@ void Supervisor::MarkReady(const std::string& name, pid_t pid) {
 
 void Supervisor::AddUsage(Entry* entry, const ExitStatus& status) {
   entry->usage.cpu_s += status.usage.cpu_s;
-  entry->usage.peak_rss_mb = std::max(entry->usage.peak_rss_mb, status.usage.peak_rss_mb);
+  // What wait4 tells includes the launcher's own pages at the time of the fork: it is the child's only if it is more.
+  const double own_peak_mb = OwnPeakMb();
+  if (status.usage.peak_rss_mb > own_peak_mb) entry->usage.peak_rss_mb = std::max(entry->usage.peak_rss_mb, status.usage.peak_rss_mb);
+  entry->usage.peak_rss_mb = std::max(entry->usage.peak_rss_mb, entry->sampled_peak_mb);
+}
+
+void Supervisor::SamplePeakMemory(Entry* entry) {
+  if (entry->child) entry->sampled_peak_mb = std::max(entry->sampled_peak_mb, entry->child->ReadPeakRssMb());
 }
 
 void Supervisor::OnEnd(Entry* entry, const ExitStatus& status) {
@@ -95,8 +112,11 @@ void Supervisor::OnEnd(Entry* entry, const ExitStatus& status) {
 }
 
 void Supervisor::Tick() {
+  const bool sample = Clock::now() - last_sample_ >= kSampleInterval;
+  if (sample) last_sample_ = Clock::now();
   for (const auto& entry : entries_) {
     if (entry->stopped) continue;
+    if (sample) SamplePeakMemory(entry.get());
     if (entry->child) {
       if (const auto status = entry->child->Poll()) OnEnd(entry.get(), *status);
     } else if (entry->spec.on_exit == OnExit::kRestart && Clock::now() >= entry->restart_at) {
@@ -130,6 +150,7 @@ void Supervisor::Stop(const std::string& name) {
   Entry& entry = Find(name);
   entry.stopped = true;
   if (!entry.child) return;
+  SamplePeakMemory(&entry);
   const ExitStatus status = entry.child->Stop(options_.stop_grace_ms);
   AddUsage(&entry, status);
   entry.child.reset();

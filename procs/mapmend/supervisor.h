@@ -81,6 +81,7 @@ class Supervisor {
     long log_start = 0;  // where the last incarnation's output begins in the log
     Clock::time_point started, restart_at;
     ResourceUsage usage;
+    double sampled_peak_mb = 0;  // of all incarnations, while they ran
   };
 
   Entry& Find(const std::string& name);
@@ -88,9 +89,11 @@ class Supervisor {
   void Launch(Entry* entry);
   void OnEnd(Entry* entry, const ExitStatus& status);
   static void AddUsage(Entry* entry, const ExitStatus& status);
+  static void SamplePeakMemory(Entry* entry);
 
   SupervisorOptions options_;
   std::vector<std::unique_ptr<Entry>> entries_;  // in order of start
+  Clock::time_point last_sample_;
 };
 
 // The first line of a log, from byte `from` on, that reports an error: "[error] ..." or "[critical] ..." of the logger, or

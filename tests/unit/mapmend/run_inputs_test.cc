@@ -140,13 +140,18 @@ TEST(OutFolder, NamesAFolderThatCannotBeMade) {
   EXPECT_EQ(Message([&] { OutFolder("/proc/mapmend", false, false); }).rfind("cannot write to --out /proc/mapmend: ", 0), 0u);
 }
 
-TEST(FindFreePort, NamesTheOptionOfAPortInUse) {
+TEST(FreePort, NamesTheOptionOfAPortInUse) {
   SilentServer server;
-  EXPECT_EQ(Message([&] { FindFreePort(server.Port(), true, "--port"); }),
+  EXPECT_EQ(Message([&] { FreePort(server.Port(), true, "--port"); }),
             "--port " + std::to_string(server.Port()) + ": the port is in use by another program; choose another");
-  EXPECT_NE(FindFreePort(server.Port(), false, "--port"), server.Port());
+  EXPECT_NE(FreePort(server.Port(), false, "--port").Port(), server.Port());
   server.Close();
-  EXPECT_EQ(FindFreePort(server.Port(), true, "--port"), server.Port());
+  EXPECT_EQ(FreePort(server.Port(), true, "--port").Port(), server.Port());
+}
+
+TEST(FreePort, IsKeptFromOthers) {
+  const FreePort first(28080, false, "--port"), second(28080, false, "--port");
+  EXPECT_NE(first.Port(), second.Port());
 }
 
 TEST(PlanBus, BringsAHubOnlyWhereNoneAnswers) {
