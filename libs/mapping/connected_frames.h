@@ -45,7 +45,7 @@ struct ConnectedFramesOptions {
   int min_cells = 5;           // of an 8 x 6 grid, occupied by inliers, in each of the two images
   double max_median_error = 3; // pixels
   double max_scale = 8;        // of the transform, either way
-  int max_kept = 200;          // inliers each way that are kept as evidence, evenly chosen
+  int max_kept = 100;          // inliers each way that are kept as evidence, evenly chosen
 
   std::string Check() const;
 };

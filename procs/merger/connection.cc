@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <numeric>
 #include <set>
 
 #include "procs/merger/connection_strength.h"
@@ -23,6 +24,16 @@ double Median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<long>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
+}
+
+// Evenly chosen observations, at most so many each way: plenty for a transform, and bounded cost however much is known.
+CrossObservations Thinned(const CrossObservations& all, size_t max_each_way) {
+  CrossObservations thinned;
+  for (const auto way : {&CrossObservations::a_in_b, &CrossObservations::b_in_a}) {
+    const size_t n = std::min((all.*way).size(), max_each_way);
+    for (size_t i = 0; i < n; ++i) (thinned.*way).push_back((all.*way)[i * (all.*way).size() / n]);
+  }
+  return thinned;
 }
 
 // Median error (pixels) of observations under a transform that was not estimated from them.
@@ -46,17 +57,26 @@ void EstimateConnection(const SubmapView& a, const SubmapView& b, const Connecti
     return;
   }
 
-  // The evidence with which most inliers agree leads.
-  std::vector<CrossObservations> observations;
-  for (const ConnectedFrames& e : c->evidence) observations.push_back(ResolveMatches(a, b, e.a_in_b, e.b_in_a));
-  size_t leader = 0;
+  // The evidence with which most inliers agree leads; the strongest few are asked.
+  constexpr size_t kMaxLeaders = 8, kMaxJudged = 30, kMaxJoint = 2000;
+  std::vector<CrossObservations> observations, judged;
+  for (const ConnectedFrames& e : c->evidence) {
+    observations.push_back(ResolveMatches(a, b, e.a_in_b, e.b_in_a));
+    judged.push_back(Thinned(observations.back(), kMaxJudged));
+  }
+  std::vector<size_t> strongest(c->evidence.size());
+  std::iota(strongest.begin(), strongest.end(), size_t{0});
+  std::stable_sort(strongest.begin(), strongest.end(),
+                   [&](size_t l, size_t r) { return c->evidence[l].num_inliers > c->evidence[r].num_inliers; });
+  strongest.resize(std::min(strongest.size(), kMaxLeaders));
+  size_t leader = strongest[0];
   int best_support = -1;
   std::vector<char> agrees;
-  for (size_t i = 0; i < c->evidence.size(); ++i) {
+  for (const size_t i : strongest) {
     std::vector<char> with_i(c->evidence.size(), 0);
     int support = 0;
     for (size_t j = 0; j < c->evidence.size(); ++j) {
-      with_i[j] = i == j || MedianError(observations[j], c->evidence[i].b_from_a) <= options.max_disagreement_px;
+      with_i[j] = i == j || MedianError(judged[j], c->evidence[i].b_from_a) <= options.max_disagreement_px;
       if (with_i[j]) support += c->evidence[j].num_inliers;
     }
     if (support > best_support) {
@@ -82,7 +102,7 @@ void EstimateConnection(const SubmapView& a, const SubmapView& b, const Connecti
   // Drift bends submaps, so that no single similarity fits all evidence to a pixel: the robust loss finds the compromise.
   Sim3RefinementOptions refinement = options.refinement;
   refinement.max_squared_error = options.drift_squared_error;
-  const Sim3RefinementResult refined = RefineSim3(all, c->evidence[leader].b_from_a, refinement);
+  const Sim3RefinementResult refined = RefineSim3(Thinned(all, kMaxJoint), c->evidence[leader].b_from_a, refinement);
   c->b_from_a = refined.success ? refined.b_from_a : c->evidence[leader].b_from_a;
   c->information = refined.success ? refined.information : c->evidence[leader].information;
   c->num_inliers = refined.success ? refined.num_inliers : c->evidence[leader].num_inliers;

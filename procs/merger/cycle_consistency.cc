@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "procs/merger/merged_transforms.h"
 
@@ -109,6 +110,39 @@ Cycle CloseCycle(int closing, const std::vector<int>& path, const std::vector<Cy
   return cycle;
 }
 
+struct Judgement {
+  SpanningForest forest;
+  std::vector<Cycle> cycles;
+};
+
+// Maximum forest of the active edges, and the cycles that the others close.
+Judgement Judge(int num_vertices, const std::vector<CycleEdge>& edges, const std::vector<char>& active,
+                const CycleConsistencyOptions& options) {
+  std::vector<WeightedEdge> weighted;
+  std::vector<int> index;
+  for (size_t i = 0; i < edges.size(); ++i) {
+    if (!active[i]) continue;
+    weighted.push_back({edges[i].a, edges[i].b, edges[i].strength});
+    index.push_back(static_cast<int>(i));
+  }
+  Judgement judgement;
+  judgement.forest = MaximumSpanningForest(num_vertices, weighted);
+  std::vector<char> in_tree(edges.size(), 0);
+  std::vector<std::vector<int>> tree_edges_of(num_vertices);
+  for (int& e : judgement.forest.edges) {
+    e = index[e];
+    in_tree[e] = 1;
+    tree_edges_of[edges[e].a].push_back(e);
+    tree_edges_of[edges[e].b].push_back(e);
+  }
+  for (const int e : index) {
+    if (in_tree[e]) continue;
+    const std::vector<int> path = TreePath(tree_edges_of, edges, edges[e].a, edges[e].b);
+    judgement.cycles.push_back(CloseCycle(e, path, edges, options));
+  }
+  return judgement;
+}
+
 }  // namespace
 
 std::string CycleConsistencyOptions::Check() const {
@@ -122,52 +156,47 @@ CycleConsistencyResult FindConsistentForest(int num_vertices, const std::vector<
   result.active.assign(edges.size(), 1);
   result.reason.resize(edges.size());
   for (;;) {
-    std::vector<WeightedEdge> weighted;
-    std::vector<int> index;
-    for (size_t i = 0; i < edges.size(); ++i) {
-      if (!result.active[i]) continue;
-      weighted.push_back({edges[i].a, edges[i].b, edges[i].strength});
-      index.push_back(static_cast<int>(i));
-    }
-    result.forest = MaximumSpanningForest(num_vertices, weighted);
-    std::vector<char> in_tree(edges.size(), 0);
-    std::vector<std::vector<int>> tree_edges_of(num_vertices);
-    for (int& e : result.forest.edges) {
-      e = index[e];
-      in_tree[e] = 1;
-      tree_edges_of[edges[e].a].push_back(e);
-      tree_edges_of[edges[e].b].push_back(e);
-    }
-    result.cycles.clear();
-    std::vector<char> confirmed(edges.size(), 0);
+    Judgement now = Judge(num_vertices, edges, result.active, options);
     const Cycle* worst = nullptr;
-    for (const int e : index) {
-      if (in_tree[e]) continue;
-      result.cycles.push_back(CloseCycle(e, TreePath(tree_edges_of, edges, edges[e].a, edges[e].b), edges, options));
-    }
-    for (const Cycle& cycle : result.cycles) {
+    std::vector<char> confirmed(edges.size(), 0);
+    for (const Cycle& cycle : now.cycles) {
       if (cycle.consistent) {
         for (const int e : cycle.edges) confirmed[e] = 1;
       } else if (!worst || cycle.displacement / cycle.allowed > worst->displacement / worst->allowed) {
         worst = &cycle;
       }
     }
-    if (!worst) return result;
-    int weakest = -1;
-    for (const bool spare_confirmed : {true, false}) {
-      for (const int e : worst->edges) {
-        if (spare_confirmed && confirmed[e]) continue;
-        if (weakest < 0 || edges[e].strength < edges[weakest].strength) weakest = e;
-      }
-      if (weakest >= 0) break;
+    if (!worst) {
+      result.forest = std::move(now.forest);
+      result.cycles = std::move(now.cycles);
+      return result;
     }
-    result.active[weakest] = 0;
-    char text[200];
+    std::vector<int> suspects;
+    for (const int e : worst->edges) {
+      if (!confirmed[e]) suspects.push_back(e);
+    }
+    if (suspects.empty()) suspects = worst->edges;
+    int culprit = -1;
+    double least_loss = std::numeric_limits<double>::infinity();
+    for (const int e : suspects) {
+      std::vector<char> without = result.active;
+      without[e] = 0;
+      double loss = edges[e].strength;
+      for (const Cycle& cycle : Judge(num_vertices, edges, without, options).cycles) {
+        if (!cycle.consistent) loss += edges[cycle.closing_edge].strength;
+      }
+      if (loss < least_loss) {
+        least_loss = loss;
+        culprit = e;
+      }
+    }
+    result.active[culprit] = 0;
+    char text[240];
     std::snprintf(text, sizeof(text),
                   "going round a cycle of %zu connections moves the common points by %.0f %% of the viewing distance "
-                  "(%.0f %% allowed), and this is the weakest of them (C = %.1f)",
-                  worst->edges.size(), 100 * worst->displacement, 100 * worst->allowed, edges[weakest].strength);
-    result.reason[weakest] = text;
+                  "(%.0f %% allowed); leaving out this one (C = %.1f) costs least",
+                  worst->edges.size(), 100 * worst->displacement, 100 * worst->allowed, edges[culprit].strength);
+    result.reason[culprit] = text;
   }
 }
 

@@ -45,8 +45,10 @@ struct CycleConsistencyResult {
 };
 
 // Maximum spanning forest of the edges that survive the check: each edge off the tree closes a cycle; composing the
-// transforms round it must bring the points back. Of an inconsistent cycle the weakest edge is deactivated (edges that a
-// consistent cycle confirms are spared if any other is left), and Kruskal runs again, until all cycles are consistent.
+// transforms round it must bring the points back. Of an inconsistent cycle one edge is deactivated: the one whose loss costs
+// least strength, its own and that of all edges that then still close inconsistent cycles. With a single cycle that is its
+// weakest edge; a strong wrong edge within the tree is found by the many that contradict it. Edges that a consistent cycle
+// confirms are spared if any other is left. Then Kruskal runs again, until all cycles are consistent.
 CycleConsistencyResult FindConsistentForest(int num_vertices, const std::vector<CycleEdge>& edges,
                                             const CycleConsistencyOptions& options);
 

@@ -98,7 +98,7 @@ struct MergerOptions {
   int max_proposals = 20;            // asked of retrieval per keyframe
   int max_verified_per_submap = 3;   // of them looked at, per other submap, best first ...
   int max_accepted_per_submap = 1;   // ... until so many are accepted
-  int max_evidence = 60;             // per connection: more adds cost and no knowledge
+  int max_evidence = 200;            // per connection: more adds cost and no knowledge
   int max_evaluated_again = 30;      // keyframes of an ended submap without a connection that are asked once more
 
   std::string Check() const;

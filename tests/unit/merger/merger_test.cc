@@ -228,6 +228,38 @@ TEST(Merger, UnrelatedFlightsStayApartWithAReason) {
   }
 }
 
+TEST(Merger, PerceptualAliasingIsCaughtAsSoonAsTheGraphClosesACycle) {
+  // The texture around (80, 80) lies a second time around (310, 310): submaps 0 and 2 look as if they met there.
+  std::vector<TerrainPoint> terrain = MakeTerrain({});
+  CopyPatch({20, 20}, {250, 250}, 120, &terrain);
+  std::mt19937_64 random(61);
+  SyntheticFlight flight("s", 0, terrain, {});
+  flight.AddSubmap(Strip({80, 80}, {80, 200}, 100, 8, 0, &random), Frame(0.02, 0.3));
+  flight.AddSubmap(Strip({60, 170}, {310, 170}, 100, 14, 90, &random), Frame(0.05, -0.9));
+  flight.AddSubmap(Strip({310, 150}, {310, 320}, 100, 11, 0, &random), Frame(0.01, 2.0));
+  flight.End();
+  BruteForceBow bow(flight.records());
+  Recorder out;
+  Merger merger({}, &bow, &out);
+  for (const Record& r : flight.records()) ASSERT_EQ(merger.Consume(r), "");
+  merger.Finalize();
+  ASSERT_EQ(out.revision.edges.size(), 2u);
+  bool caught = false;
+  for (const Connection& c : out.final_connections) {
+    const bool aliased = c.a.submap == SubmapId(0) && c.b.submap == SubmapId(2);
+    if (aliased) {
+      EXPECT_EQ(c.verdict, Connection::Verdict::kDeactivated) << c.reason;
+      EXPECT_NE(c.reason.find("cycle"), std::string::npos) << c.reason;
+      EXPECT_GT(c.num_connected_frames, 0);
+      caught = true;
+    } else {
+      EXPECT_EQ(c.verdict, Connection::Verdict::kAccepted) << c.reason;
+    }
+  }
+  EXPECT_TRUE(caught);
+  EXPECT_LT(MergedError(out, flight.world_from_keyframe()), 0.4);
+}
+
 TEST(Merger, AnEdgeSwitchedOffByHandStaysOff) {
   const SyntheticFlight flight = ThreeCrossingStrips();
   BruteForceBow bow(flight.records());
