@@ -19,6 +19,7 @@ namespace {
 constexpr uint32_t kMagic = 0x424f4d4d;
 constexpr size_t kHeader = 12;
 constexpr uint32_t kMaxEntry = 256u << 20;
+constexpr int64_t kNumberBytes = 200;           // more than an entry without payload takes
 constexpr int64_t kCompactBytes = 64 << 20;  // of acknowledged entries at the beginning of the file
 
 uint32_t Crc32(const uint8_t* data, size_t size) {
@@ -131,8 +132,13 @@ void Outbox::Load() {
     }
     if (!session_.empty() && record->session != session_) throw std::runtime_error("outbox " + path_ + ": holds two sessions");
     session_ = record->session;
-    entries_.push_back({record->seq, offset, size, std::nullopt});
+    last_seq_ = record->seq;
     offset += size;
+    if (!record->channel.empty()) {
+      entries_.push_back({record->seq, offset - size, size, std::nullopt});
+    } else {
+      begin_ = offset;
+    }
   }
   end_ = offset;
   if (end_ < file_size && ftruncate(fd_, end_) != 0) {
@@ -141,7 +147,9 @@ void Outbox::Load() {
 }
 
 void Outbox::Append(EncodedRecord record) {
+  if (entries_.empty() && record.session != session_ && fd_ >= 0 && ftruncate(fd_, 0) == 0) begin_ = end_ = 0;
   session_ = record.session;
+  last_seq_ = record.seq;
   Entry entry;
   entry.seq = record.seq;
   if (fd_ >= 0) {
@@ -167,10 +175,19 @@ void Outbox::Acknowledge(int64_t seq) {
   }
   if (fd_ < 0) return;
   if (entries_.empty()) {
-    if (end_ > 0 && ftruncate(fd_, 0) == 0) begin_ = end_ = 0;
+    if (end_ > begin_ || begin_ > kNumberBytes) LeaveOnlyTheNumber();
   } else if (begin_ >= kCompactBytes && begin_ >= end_ / 2) {
     Compact();
   }
+}
+
+// An entry without channel and payload says that all up to its seq is acknowledged, so that a frontend that starts again does not
+// use the numbers twice. Written before the rest is cut off: killed in between, the rest is a torn end.
+void Outbox::LeaveOnlyTheNumber() {
+  const std::vector<uint8_t> bytes = Serialize({session_, last_seq_, "", {}});
+  const auto size = static_cast<int64_t>(bytes.size());
+  if (size > end_ || pwrite(fd_, bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size())) return;
+  if (ftruncate(fd_, size) == 0) begin_ = end_ = size;
 }
 
 // Moves what is held into a new file that then takes the name.

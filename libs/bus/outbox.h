@@ -12,7 +12,7 @@ namespace mapmend {
 
 // The file that holds records until the store has committed them, so that a killed frontend loses nothing it has made. Append
 // only, each entry with a checksum; a torn entry at the end (killed while writing) is cut off when the file is opened again.
-// Bounded by what is not acknowledged: emptied when all is. With an empty path, or when the disk is full, entries are kept
+// Bounded by what is not acknowledged: when all is, only the last number is left. With an empty path, or when the disk is full, entries are kept
 // in memory. Not thread-safe.
 class Outbox {
  public:
@@ -30,8 +30,8 @@ class Outbox {
   bool Empty() const { return entries_.empty(); }
   int Size() const { return static_cast<int>(entries_.size()); }
   int64_t FirstSeq() const { return entries_.front().seq; }
-  int64_t LastSeq() const { return entries_.back().seq; }
-  const std::string& Session() const { return session_; }  // of its records; empty if none
+  int64_t LastSeq() const { return last_seq_; }  // that was ever appended; -1: none
+  const std::string& Session() const { return session_; }  // of its records, also if all are acknowledged; empty: none
   // The entry with this seq, or nullopt if it is not held or no longer readable.
   std::optional<EncodedRecord> Read(int64_t seq) const;
   int64_t FileBytes() const { return end_; }
@@ -44,10 +44,12 @@ class Outbox {
     std::optional<EncodedRecord> in_memory;
   };
   void Load();
+  void LeaveOnlyTheNumber();
   void Compact();
 
   std::string path_, session_;
   int fd_ = -1;
+  int64_t last_seq_ = -1;
   int64_t begin_ = 0, end_ = 0;  // bytes of the file before the first entry that is held, and in all
   std::deque<Entry> entries_;
 };

@@ -58,14 +58,14 @@ struct StreamSender::Impl {
 
   Impl(Bus* b, const std::string& s, const StreamSenderOptions& o) : bus(b), session(s), options(o), outbox(o.outbox_path) {
     if (!IsSessionId(session)) throw std::invalid_argument("session '" + session + "': 1 to 64 letters, digits, - or _");
-    if (outbox.Empty()) return;
+    if (outbox.Session() != session && outbox.Empty()) return;
     if (outbox.Session() != session) {
       throw std::runtime_error("outbox " + options.outbox_path + ": still holds records of session " + outbox.Session() +
                                "; deliver them first");
     }
     // A frontend that was killed goes on where its outbox ends.
     last_seq = outbox.LastSeq();
-    acknowledged = outbox.FirstSeq() - 1;
+    acknowledged = outbox.Empty() ? last_seq : outbox.FirstSeq() - 1;
     if (const auto last = outbox.Read(last_seq)) {
       const DecodedRecord decoded = DecodeRecord(last->channel, last->data.data(), static_cast<int>(last->data.size()));
       ended = decoded.record && std::holds_alternative<SessionEnded>(decoded.record->body);

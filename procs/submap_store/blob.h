@@ -2,11 +2,13 @@
 
 #include <SQLiteCpp/SQLiteCpp.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <cstring>
 #include <vector>
 
-// Arrays in the database are blobs of little-endian numbers without a header; what they hold is fixed by their column.
+// Arrays in the database are blobs of little-endian numbers without a header (words: see PackAscending); what they hold is fixed
+// by their column.
 namespace mapmend {
 
 template <typename T>
@@ -21,6 +23,36 @@ template <typename T>
 std::vector<T> ReadBlob(const SQLite::Column& column) {
   std::vector<T> values(static_cast<size_t>(column.getBytes()) / sizeof(T));
   if (!values.empty()) std::memcpy(values.data(), column.getBlob(), values.size() * sizeof(T));
+  return values;
+}
+
+// Ascending numbers as differences, each in LEB128 (7 bits a byte, low bits first): word ids take 1 to 2 bytes instead of 4.
+inline std::vector<uint8_t> PackAscending(const std::vector<int32_t>& values) {
+  std::vector<uint8_t> packed;
+  int32_t previous = 0;
+  for (const int32_t value : values) {
+    auto difference = static_cast<uint32_t>(value - previous);
+    previous = value;
+    for (; difference >= 0x80; difference >>= 7) packed.push_back(static_cast<uint8_t>(difference | 0x80));
+    packed.push_back(static_cast<uint8_t>(difference));
+  }
+  return packed;
+}
+
+inline std::vector<int32_t> UnpackAscending(const SQLite::Column& column) {
+  std::vector<int32_t> values;
+  const auto* bytes = static_cast<const uint8_t*>(column.getBlob());
+  uint32_t value = 0, difference = 0;
+  int shift = 0;
+  for (int i = 0; i < column.getBytes(); ++i) {
+    difference |= static_cast<uint32_t>(bytes[i] & 0x7f) << shift;
+    shift = std::min(shift + 7, 28);
+    if (bytes[i] & 0x80) continue;
+    value += difference;
+    values.push_back(static_cast<int32_t>(value));
+    difference = 0;
+    shift = 0;
+  }
   return values;
 }
 

@@ -66,7 +66,7 @@ void BowSearch::Load() {
     const int64_t session = rows->getColumn(0).getInt64();
     const KeyframeId keyframe(rows->getColumn(2).getInt());
     AddKeyframe(session, SubmapId(rows->getColumn(1).getInt()), keyframe, rows->getColumn(3).getInt64(),
-                {ReadBlob<int32_t>(rows->getColumn(5)), ReadBlob<float>(rows->getColumn(6))});
+                {UnpackAscending(rows->getColumn(5)), ReadBlob<float>(rows->getColumn(6))});
     if (!rows->getColumn(4).isNull()) RemoveKeyframe(session, keyframe, rows->getColumn(4).getInt64());
   }
   auto geometry = database_->Prepare("SELECT session, keyframe, covisible FROM keyframe_geometry");
@@ -88,7 +88,7 @@ std::optional<BowVector> BowSearch::ReadBow(int64_t session, int32_t keyframe) {
   query->bind(1, session);
   query->bind(2, keyframe);
   if (!query->executeStep()) return std::nullopt;
-  return BowVector{ReadBlob<int32_t>(query->getColumn(0)), ReadBlob<float>(query->getColumn(1))};
+  return BowVector{UnpackAscending(query->getColumn(0)), ReadBlob<float>(query->getColumn(1))};
 }
 
 // The submap as it was, for this requester: each asks for later and later states, but not all at the same pace.

@@ -10,12 +10,28 @@ namespace {
 
 constexpr int kBusyTimeoutMs = 5000;
 
+// The file as a URI that SQLite takes for unchanging.
+std::string ImmutableUri(const std::string& path) {
+  std::string uri = "file:";
+  for (const char c : path) {
+    if (c == '?' || c == '#' || c == '%') {
+      static const char kDigits[] = "0123456789abcdef";
+      uri += {'%', kDigits[c >> 4 & 15], kDigits[c & 15]};
+    } else {
+      uri += c;
+    }
+  }
+  return uri + "?immutable=1";
+}
+
 }  // namespace
 
 Database::Database(const std::string& path, Mode mode)
     : path_(path), guard_(path, mode == Mode::kReadWrite ? FileGuard::Access::kExclusive : FileGuard::Access::kShared) {
   const int flags = mode == Mode::kReadWrite ? SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE : SQLite::OPEN_READONLY;
-  sql_ = std::make_unique<SQLite::Database>(path, flags, kBusyTimeoutMs);
+  const bool is_at_rest = mode == Mode::kReadOnly && guard_.IsAtRest();
+  sql_ = std::make_unique<SQLite::Database>(is_at_rest ? ImmutableUri(path) : path,
+                                            is_at_rest ? flags | SQLite::OPEN_URI : flags, kBusyTimeoutMs);
   if (mode == Mode::kReadOnly) {
     const int version = sql_->execAndGet("PRAGMA user_version").getInt();
     if (version != kSchemaVersion) {

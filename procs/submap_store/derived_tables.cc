@@ -50,7 +50,8 @@ void WriteKeyframeRows(Database* database, int64_t session, const RecordHeader& 
       database->Prepare("INSERT OR REPLACE INTO keyframe_bow(session, keyframe, words, weights) VALUES(?, ?, ?, ?)");
   bow->bind(1, session);
   bow->bind(2, body.keyframe.value);
-  BindBlob(bow.get(), 3, body.bow.words);
+  const std::vector<uint8_t> words = PackAscending(body.bow.words);
+  BindBlob(bow.get(), 3, words);
   BindBlob(bow.get(), 4, body.bow.weights);
   bow->exec();
 }

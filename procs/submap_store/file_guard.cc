@@ -61,7 +61,7 @@ FileGuard::FileGuard(const std::string& path, Access access) {
   if (fd_ < 0) throw std::runtime_error(path + ": " + std::strerror(errno));
   std::string error;
   if (exclusive && flock(fd_, LOCK_EX | LOCK_NB) != 0) {
-    error = "is in use by another submap_store";
+    error = "is in use by another submap_store or tool";
   } else {
     error = Inspect(fd_, path);
   }
@@ -69,6 +69,9 @@ FileGuard::FileGuard(const std::string& path, Access access) {
     struct stat info {};
     is_new_ = fstat(fd_, &info) == 0 && info.st_size == 0;
     if (is_new_ && !exclusive) error = "is empty";
+    struct stat wal {};
+    const bool has_wal = stat((path + "-wal").c_str(), &wal) == 0 && wal.st_size > 0;
+    is_at_rest_ = !exclusive && !has_wal && flock(fd_, LOCK_SH | LOCK_NB) == 0;
   }
   if (!error.empty()) {
     close(fd_);

@@ -40,12 +40,37 @@ TEST_F(OutboxTest, HoldsWhatIsNotAcknowledgedAcrossProcesses) {
   EXPECT_FALSE(outbox.Read(10));
 }
 
-TEST_F(OutboxTest, IsEmptyOnceAllIsAcknowledged) {
+TEST_F(OutboxTest, RemembersOnlyTheLastNumberOnceAllIsAcknowledged) {
+  {
+    Outbox outbox(path_);
+    for (int64_t seq = 0; seq < 5; ++seq) outbox.Append(MakeRecord(seq));
+    outbox.Acknowledge(4);
+    EXPECT_TRUE(outbox.Empty());
+    EXPECT_LT(std::filesystem::file_size(path_), 200u);
+  }
+  {
+    Outbox outbox(path_);
+    EXPECT_TRUE(outbox.Empty());
+    EXPECT_EQ(outbox.Session(), "s1");
+    EXPECT_EQ(outbox.LastSeq(), 4);
+    outbox.Append(MakeRecord(5));
+    outbox.Append(MakeRecord(6));
+  }
   Outbox outbox(path_);
-  for (int64_t seq = 0; seq < 5; ++seq) outbox.Append(MakeRecord(seq));
-  outbox.Acknowledge(4);
-  EXPECT_TRUE(outbox.Empty());
-  EXPECT_EQ(std::filesystem::file_size(path_), 0u);
+  EXPECT_EQ(outbox.FirstSeq(), 5);
+  EXPECT_EQ(outbox.Read(6)->data, MakeRecord(6).data);
+  EXPECT_FALSE(outbox.Read(4));
+}
+
+TEST_F(OutboxTest, StartsAfreshForAnotherSessionOnceAllIsAcknowledged) {
+  Outbox outbox(path_);
+  outbox.Append(MakeRecord(0));
+  outbox.Acknowledge(0);
+  EncodedRecord other = MakeRecord(0);
+  other.session = "s2";
+  outbox.Append(other);
+  EXPECT_EQ(outbox.Session(), "s2");
+  EXPECT_EQ(outbox.Read(0)->session, "s2");
 }
 
 TEST_F(OutboxTest, CutsOffATornEnd) {

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "tests/synthetic_stream.h"
+
+// Real processes around a store, for the tests of faults. No threads: so a test can fork.
+namespace mapmend {
+
+// A child process; killed, at the latest, with the object, and by the kernel if the test dies.
+class ChildProcess {
+ public:
+  ChildProcess() = default;
+  ChildProcess(const std::vector<std::string>& command, const std::string& log_path);
+  explicit ChildProcess(const std::function<void()>& body);  // forked; exits when body returns
+  ~ChildProcess();
+  ChildProcess(ChildProcess&& other) noexcept;
+  ChildProcess& operator=(ChildProcess&& other) noexcept;
+
+  void Signal(int signal);
+  void Kill();      // SIGKILL, and waits
+  int Terminate();  // SIGTERM, and waits; the exit code, -1 if it did not exit by itself
+  // The exit code (-1: killed by a signal), or -2 if it still runs after timeout_ms.
+  int Wait(int timeout_ms);
+  bool IsRunning();
+  pid_t pid() const { return pid_; }
+
+ private:
+  pid_t pid_ = -1;
+  int exit_code_ = -2;
+};
+
+// The programs under test.
+std::string ProgramPath(const std::string& name);
+// A port nobody listens on at the moment.
+int FreePort();
+ChildProcess StartHub(int port, const std::string& log_path);
+ChildProcess StartStore(const std::string& db, int port, const std::string& log_path);
+std::string HubUrl(int port);
+std::string ReadTextFile(const std::string& path);
+
+// Runs a command to its end; what it printed and its exit code.
+struct CommandResult {
+  int exit_code = -1;
+  std::string output;
+};
+CommandResult RunCommand(const std::vector<std::string>& command, const std::string& log_path);
+
+void SleepMs(int ms);
+// Calls condition every few milliseconds until it holds or timeout_ms have passed.
+bool WaitUntil(const std::function<bool()>& condition, int timeout_ms);
+
+// What a frontend process of the test says of itself, in memory shared with the test.
+struct SharedProgress {
+  volatile int64_t appended = -1, acknowledged = -1;
+  volatile bool store_reports_error = false;
+};
+SharedProgress* MapSharedProgress();
+
+// The body of a frontend process: streams the synthetic flight through an outbox, from where that ends, waiting `pause_us` after each
+// record, until all is acknowledged.
+void RunFrontend(const SyntheticStreamOptions& flight, int port, const std::string& outbox, int pause_us,
+                 SharedProgress* progress);
+
+// Digest of the flight's stream as `mapmend db hash` must print it, by a store in this process.
+std::string ExpectedStreamHash(const SyntheticStreamOptions& flight, const std::string& scratch_db);
+
+}  // namespace mapmend

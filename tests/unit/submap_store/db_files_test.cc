@@ -1,0 +1,259 @@
+// The file itself: migrations, what a stranger reads from it, and the tools of `mapmend db`.
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "libs/bus/bus.h"
+#include "libs/bus/codec.h"
+#include "mapmend/revision_part_t.hpp"
+#include "mapmend/revision_t.hpp"
+#include "procs/submap_store/db_commands.h"
+#include "procs/submap_store/schema.h"
+#include "procs/submap_store/sha256.h"
+#include "procs/submap_store/submap_store.h"
+#include "tests/synthetic_stream.h"
+#include "tests/temporary_folder.h"
+
+namespace mapmend {
+namespace {
+
+SyntheticStreamOptions Flight(const std::string& session) {
+  SyntheticStreamOptions options;
+  options.session = session;
+  options.seed = static_cast<unsigned>(session.size());
+  return options;
+}
+
+void Fill(const std::string& path, const SyntheticStreamOptions& flight) {
+  SubmapStoreOptions options;
+  options.path = path;
+  SubmapStore store(options);
+  for (const Record& record : MakeSyntheticStream(flight)) {
+    const EncodedRecord encoded = EncodeRecord(record);
+    store.OnRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()), 0);
+  }
+  store.CommitReady(0);
+  while (store.WorkInBackground()) continue;
+}
+
+revision_t MakeRevision(int64_t number, double scale, int num_parts) {
+  revision_t revision{};
+  revision.transforms.revision = number;
+  merged_submap_t submap{};
+  submap.session = "a";
+  submap.root_from_submap[6] = 1;
+  submap.root_from_submap[7] = scale;
+  revision.transforms.submaps = {submap};
+  revision.transforms.num_submaps = 1;
+  connection_t connection{};
+  connection.session_a = connection.session_b = "a";
+  connection.submap_b = 1;
+  connection.strength = 12.5;
+  connection.b_from_a[6] = connection.b_from_a[7] = 1;
+  revision.connections = {connection};
+  revision.num_connections = 1;
+  revision.num_parts = num_parts;
+  return revision;
+}
+
+class DbFiles : public ::testing::Test {
+ protected:
+  int64_t Count(const std::string& path, const std::string& sql) {
+    SQLite::Database database(path, SQLite::OPEN_READONLY);
+    return database.execAndGet(sql).getInt64();
+  }
+  TemporaryFolder folder_;
+  std::string db_ = folder_.File("map.db");
+};
+
+TEST_F(DbFiles, OlderSchemasAreBroughtUpToDateWithoutLoss) {
+  Fill(db_, Flight("a"));
+  const DbHash hash = HashDb(db_);
+  for (int version = 1; version < kSchemaVersion; ++version) {
+    // A file as a program of that version left it: its tables, filled from the new one.
+    const std::string old = folder_.File("v" + std::to_string(version) + ".db");
+    {
+      SQLite::Database database(old, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+      database.exec("PRAGMA application_id = " + std::to_string(kApplicationId));
+      Migrate(&database, version);
+      database.exec("ATTACH DATABASE '" + db_ + "' AS new");
+      for (const char* table : {"session", "record", "gap"}) {
+        std::string columns;
+        SQLite::Statement info(database, std::string("SELECT name FROM pragma_table_info('") + table + "')");
+        while (info.executeStep()) columns += (columns.empty() ? "" : ", ") + info.getColumn(0).getString();
+        database.exec(std::string("INSERT INTO main.") + table + "(" + columns + ") SELECT " + columns + " FROM new." + table);
+      }
+      if (version >= 2) database.exec("UPDATE session SET is_derived = 0");
+    }
+    EXPECT_THROW(HashDb(old), std::runtime_error);  // reading does not migrate
+    CompactDb(old);
+    EXPECT_EQ(HashDb(old).stream, hash.stream);
+    EXPECT_TRUE(CheckDb(old).empty());
+    for (const char* table : {"submap", "keyframe", "keyframe_bow", "keyframe_geometry", "map_points"}) {
+      const std::string sql = std::string("SELECT count(*) FROM ") + table;
+      EXPECT_EQ(Count(old, sql), Count(db_, sql)) << table;
+      EXPECT_GT(Count(old, sql), 0) << table;
+    }
+  }
+}
+
+TEST_F(DbFiles, AStrangerReadsItWithThePythonOfTheDocumentation) {
+  Fill(db_, Flight("a"));
+  std::ifstream doc(std::string(MAPMEND_SOURCE_DIR) + "/docs/file_formats.md");
+  std::string line;
+  std::ofstream script(folder_.File("read.py"));
+  bool inside = false;
+  int num_lines = 0;
+  while (std::getline(doc, line)) {
+    if (inside && line == "```") break;
+    if (inside) script << line << "\n";
+    if (inside && !line.empty()) ++num_lines;
+    inside = inside || line == "```python";
+  }
+  script.close();
+  EXPECT_LE(num_lines, 20);
+  const std::string out = folder_.File("out.txt");
+  ASSERT_EQ(std::system(("python3 " + folder_.File("read.py") + " " + db_ + " > " + out).c_str()), 0);
+
+  std::map<std::pair<std::string, int>, std::array<double, 3>> read;
+  std::ifstream in(out);
+  std::string kind, uuid;
+  int submap = 0, id = 0;
+  double x = 0, y = 0, z = 0;
+  while (in >> kind >> uuid >> submap >> id >> x >> y >> z) read[{kind, id}] = {x, y, z};
+  Session model;
+  for (const Record& record : MakeSyntheticStream(Flight("a"))) ASSERT_EQ(model.Apply(record), "");
+  size_t num_expected = 0;
+  for (const auto& [submap_id, content] : model.submaps) {
+    num_expected += content.keyframes.size() + content.points.size();
+    for (const auto& [keyframe_id, keyframe] : content.keyframes) {
+      ASSERT_TRUE(read.contains({"keyframe", keyframe_id.value}));
+      const Eigen::Vector3d center = keyframe.cam_from_submap.Center();
+      for (int i = 0; i < 3; ++i) EXPECT_NEAR((read[{"keyframe", keyframe_id.value}][static_cast<size_t>(i)]), center[i], 1e-9);
+    }
+    for (const auto& [point_id, point] : content.points) {
+      ASSERT_TRUE(read.contains({"point", point_id.value}));
+      EXPECT_NEAR((read[{"point", point_id.value}][2]), point.position.z(), 1e-5);
+    }
+  }
+  EXPECT_EQ(read.size(), num_expected);
+}
+
+TEST_F(DbFiles, MergePutsFlightsTogetherSoThatTheyCanBeSearchedTogether) {
+  const std::string b = folder_.File("b.db"), merged = folder_.File("merged.db");
+  SyntheticStreamOptions later = Flight("later");
+  later.start_utime += 3600000000;
+  Fill(db_, later);
+  Fill(b, Flight("a"));
+  MergeDbs({db_, b}, merged);
+  EXPECT_TRUE(CheckDb(merged).empty());
+  EXPECT_EQ(Count(merged, "SELECT count(*) FROM record"),
+            Count(db_, "SELECT count(*) FROM record") + Count(b, "SELECT count(*) FROM record"));
+  SubmapStoreOptions options;
+  options.path = merged;
+  SubmapStore store(options);
+  const fetched_t list = store.Fetch(fetch_t{});
+  ASSERT_EQ(list.num_sessions, 2);
+  EXPECT_EQ(list.sessions[0].session, "a");  // the older flight first
+  bow_query_t query{};
+  query.session = "later";
+  query.keyframe = 4;
+  query.cursors = list.sessions;
+  query.num_cursors = 2;
+  const bow_result_t result = store.Query(query);
+  ASSERT_EQ(result.status, bow_result_t::OK);
+  bool found_other_flight = false;
+  for (const auto& candidate : result.candidates) found_other_flight = found_other_flight || candidate.session == "a";
+  EXPECT_TRUE(found_other_flight);
+}
+
+TEST_F(DbFiles, MergeRefusesWhatDoesNotBelongTogether) {
+  const std::string b = folder_.File("b.db"), merged = folder_.File("merged.db");
+  SyntheticStreamOptions other = Flight("b");
+  other.vocabulary_hash = "other";
+  Fill(db_, Flight("a"));
+  Fill(b, other);
+  EXPECT_THROW(MergeDbs({db_, b}, merged), std::runtime_error);
+  EXPECT_FALSE(std::filesystem::exists(merged));
+  EXPECT_THROW(MergeDbs({db_, db_}, merged), std::runtime_error);
+  EXPECT_THROW(MergeDbs({db_, folder_.File("missing.db")}, merged), std::runtime_error);
+  EXPECT_THROW(MergeDbs({db_, b}, db_), std::runtime_error);
+}
+
+TEST_F(DbFiles, CheckFindsWhatDoesNotFit) {
+  Fill(db_, Flight("a"));
+  { SQLite::Database(db_, SQLite::OPEN_READWRITE).exec("DELETE FROM record WHERE seq = 8"); }
+  const auto problems = CheckDb(db_);
+  ASSERT_FALSE(problems.empty());
+  EXPECT_NE(problems[0].find("record 8"), std::string::npos);
+}
+
+TEST_F(DbFiles, HashIsOfContentNotOfPages) {
+  Fill(db_, Flight("a"));
+  const std::string before = HashDb(db_).stream;
+  CompactDb(db_);
+  EXPECT_EQ(HashDb(db_).stream, before);
+  { SQLite::Database(db_, SQLite::OPEN_READWRITE).exec("UPDATE record SET payload = x'00' WHERE seq = 8"); }
+  EXPECT_NE(HashDb(db_).stream, before);
+}
+
+TEST_F(DbFiles, RevisionsAreStoredReplacedAndFoundAgain) {
+  Database database(db_, Database::Mode::kReadWrite);
+  RevisionStore revisions(&database);
+  const auto store = [&](const revision_t& revision) {
+    const auto data = EncodeMessage(revision);
+    return revisions.Store(data.data(), static_cast<int>(data.size()));
+  };
+  const auto store_part = [&](int64_t number, int32_t part) {
+    revision_part_t message{};
+    message.revision = number;
+    message.part = part;
+    message.session = "a";
+    const auto data = EncodeMessage(message);
+    return revisions.StorePart(data.data(), static_cast<int>(data.size()));
+  };
+  EXPECT_EQ(revisions.NewestComplete(), -1);
+  ASSERT_TRUE(store(MakeRevision(1, 1.0, 0)));
+  ASSERT_TRUE(store(MakeRevision(2, 1.5, 2)));
+  store_part(2, 0);
+  EXPECT_EQ(revisions.NewestComplete(), 1);
+  store_part(2, 1);
+  EXPECT_EQ(revisions.NewestComplete(), 2);
+  const std::string map = HashDb(db_).map;
+  EXPECT_FALSE(map.empty());
+  EXPECT_TRUE(store(MakeRevision(2, 1.5, 2)));  // the same again changes nothing
+  EXPECT_EQ(revisions.NewestComplete(), 2);
+  ASSERT_TRUE(store(MakeRevision(7, 1.5, 2)));
+  store_part(7, 1);
+  store_part(7, 0);
+  EXPECT_EQ(HashDb(db_).map, map);  // another number, the same map
+  ASSERT_TRUE(store(MakeRevision(7, 2.0, 0)));
+  EXPECT_EQ(revisions.NewestComplete(), 7);
+  EXPECT_NE(HashDb(db_).map, map);
+  revision_t invalid = MakeRevision(8, std::nan(""), 0);
+  EXPECT_FALSE(store(invalid));
+  invalid = MakeRevision(8, 1, 0);
+  invalid.transforms.edge_a = invalid.transforms.edge_b = {5};
+  invalid.transforms.num_edges = 1;
+  EXPECT_FALSE(store(invalid));
+}
+
+TEST(Sha256, AgreesWithTheStandardsExamples) {
+  const auto digest = [](const std::string& text) {
+    Sha256 hash;
+    hash.Add(text.data(), text.size());
+    return hash.Hex();
+  };
+  EXPECT_EQ(digest(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+  EXPECT_EQ(digest("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  EXPECT_EQ(digest("abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq"),
+            "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1");
+  EXPECT_EQ(digest(std::string(1000000, 'a')), "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0");
+}
+
+}  // namespace
+}  // namespace mapmend
