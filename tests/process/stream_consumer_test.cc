@@ -1,0 +1,155 @@
+// What merger and viewer rely on: every committed record once and in order, whatever dies meanwhile; requests over the real hub.
+
+#include <gtest/gtest.h>
+#include <spdlog/spdlog.h>
+
+#include <csignal>
+#include <mapmend/bow_query_t.hpp>
+#include <mapmend/bow_result_t.hpp>
+#include <mapmend/revision_part_t.hpp>
+#include <mapmend/revision_t.hpp>
+#include <mapmend/session_closed_t.hpp>
+
+#include "libs/bus/codec.h"
+#include "libs/bus/store_client.h"
+#include "libs/bus/stream_consumer.h"
+#include "procs/submap_store/database.h"
+#include "tests/process/store_helper.h"
+#include "tests/temporary_folder.h"
+
+namespace mapmend {
+namespace {
+
+class StreamConsumerTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    flight_.num_submaps = 2;
+    flight_.keyframes_per_submap = 30;
+    progress_ = MapSharedProgress();
+    port_ = FreePort();
+    hub_ = StartHub(port_, log_);
+    store_ = StartStore(db_, port_, log_);
+    Connect();
+  }
+  // As a consumer process that starts.
+  void Connect() {
+    consumer_.reset();
+    client_.reset();
+    bus_ = std::make_unique<Bus>(HubUrl(port_), "");
+    client_ = std::make_unique<StoreClient>(bus_.get(), "test-" + std::to_string(++num_consumers_));
+    delivered_.clear();
+    consumer_ = std::make_unique<StreamConsumer>(bus_.get(), client_.get(), [this](const Record& record) {
+      EXPECT_EQ(record.header.seq, static_cast<int64_t>(delivered_.size()));  // once, in order
+      delivered_.push_back(EncodeRecord(record).data);
+    });
+  }
+  bool SpinUntil(const std::function<bool()>& done, int timeout_ms = 60000) {
+    return WaitUntil(
+        [&] {
+          consumer_->Spin(5);
+          return done();
+        },
+        timeout_ms);
+  }
+  bool HasEnded() {
+    const auto cursors = consumer_->Cursors();
+    return cursors.size() == 1 && cursors[0].ended;
+  }
+  void ExpectWholeFlight() {
+    const std::vector<Record> records = MakeSyntheticStream(flight_);
+    ASSERT_EQ(delivered_.size(), records.size());
+    for (size_t i = 0; i < records.size(); ++i) {
+      ASSERT_EQ(delivered_[i].size(), EncodeRecord(records[i]).data.size()) << i;
+    }
+  }
+
+  TemporaryFolder folder_;
+  std::string db_ = folder_.File("map.db"), log_ = folder_.File("log.txt");
+  SyntheticStreamOptions flight_;
+  SharedProgress* progress_ = nullptr;
+  int port_ = 0, num_consumers_ = 0;
+  ChildProcess hub_, store_;
+  std::unique_ptr<Bus> bus_;
+  std::unique_ptr<StoreClient> client_;
+  std::unique_ptr<StreamConsumer> consumer_;
+  std::vector<std::vector<uint8_t>> delivered_;
+};
+
+TEST_F(StreamConsumerTest, DeliversEverythingOnceWhateverDiesMeanwhile) {
+  ChildProcess frontend([this] { RunFrontend(flight_, port_, folder_.File("outbox"), 10000, progress_); });
+  ASSERT_TRUE(SpinUntil([&] { return delivered_.size() > 20; }));
+  store_.Kill();
+  SpinUntil([] { return false; }, 200);
+  store_ = StartStore(db_, port_, log_);
+  ASSERT_TRUE(SpinUntil([&] { return delivered_.size() > 60; }));
+  hub_.Kill();
+  SpinUntil([] { return false; }, 200);
+  hub_ = StartHub(port_, log_);
+  ASSERT_TRUE(SpinUntil([&] { return HasEnded(); }));
+  ExpectWholeFlight();
+  const auto live = delivered_;
+  Connect();  // one that comes late gets the same from the store
+  ASSERT_TRUE(SpinUntil([&] { return HasEnded(); }));
+  EXPECT_EQ(delivered_, live);
+  EXPECT_EQ(frontend.Wait(10000), 0);
+}
+
+TEST_F(StreamConsumerTest, DeliversNothingThatTheStoreDoesNotHave) {
+  ASSERT_TRUE(SpinUntil([&] { return bus_->IsConnected(); }, 5000));
+  ChildProcess frontend([this] { RunFrontend(flight_, port_, folder_.File("outbox"), 5000, progress_); });
+  ASSERT_TRUE(SpinUntil([&] { return delivered_.size() > 10; }));
+  store_.Kill();
+  SpinUntil([] { return false; }, 500);  // the frontend goes on, and is heard
+  Database database(db_, Database::Mode::kReadOnly);
+  EXPECT_LE(static_cast<int64_t>(delivered_.size()) - 1, database.Sessions()[0].cumulative);
+  EXPECT_GT(progress_->appended, database.Sessions()[0].cumulative);
+}
+
+TEST_F(StreamConsumerTest, ASessionOfADeadFrontendCanBeClosed) {
+  ChildProcess frontend([this] { RunFrontend(flight_, port_, folder_.File("outbox"), 10000, progress_); });
+  ASSERT_TRUE(SpinUntil([&] { return delivered_.size() > 20; }));
+  const auto alive = client_->CloseSession(flight_.session, 300);
+  ASSERT_TRUE(alive);
+  EXPECT_EQ(alive->status, session_closed_t::STILL_ALIVE);
+  frontend.Kill();
+  const auto closed = client_->CloseSession(flight_.session, 10000);
+  ASSERT_TRUE(closed);
+  EXPECT_EQ(closed->status, session_closed_t::OK);
+  EXPECT_TRUE(SpinUntil([&] { return HasEnded(); }, 10000));
+  EXPECT_EQ(static_cast<int64_t>(delivered_.size()), closed->cumulative + 1);
+}
+
+TEST_F(StreamConsumerTest, RevisionsAreStoredAndReadBackByThoseWhoComeLater) {
+  revision_t revision{};
+  std::vector<revision_part_t> parts(20);
+  EXPECT_EQ(client_->FetchRevision(-1, &revision, &parts, 5000), StoreClient::RevisionStatus::kNone);
+  parts.assign(20, revision_part_t{});
+  revision.transforms.revision = 5;
+  revision.transforms.is_final = 1;
+  revision.num_parts = 20;
+  for (int i = 0; i < 20; ++i) {
+    revision_part_t& part = parts[static_cast<size_t>(i)];
+    part.revision = 5;
+    part.part = i;
+    part.session = "a";
+    part.submap = i;
+    part.num_points = 1;
+    part.point = {i};
+    part.num_position_values = 3;
+    part.position = {1, 2, static_cast<float>(i)};
+  }
+  ASSERT_TRUE(client_->StoreRevision(revision, parts, 10000));
+  store_.Kill();
+  store_ = StartStore(db_, port_, log_);
+  Connect();
+  revision_t found{};
+  std::vector<revision_part_t> found_parts;
+  ASSERT_EQ(client_->FetchRevision(-1, &found, &found_parts, 10000), StoreClient::RevisionStatus::kOk);
+  EXPECT_EQ(found.transforms.revision, 5);
+  EXPECT_TRUE(found.transforms.is_final);
+  ASSERT_EQ(found_parts.size(), 20u);
+  EXPECT_EQ(found_parts[7].position[2], 7.f);
+}
+
+}  // namespace
+}  // namespace mapmend
