@@ -4,10 +4,12 @@
 #include <deque>
 #include <exception>
 #include <mutex>
+#include <optional>
 #include <thread>
 
 #include "procs/frontend/frame_maker.h"
 #include "procs/frontend/image_source.h"
+#include "procs/frontend/profiler.h"
 
 namespace mapmend {
 
@@ -42,10 +44,18 @@ class FrameQueue {
   }
 
  private:
+  static std::optional<SourceImage> Read(ImageSource* source) {
+    const StageTimer timer("capture/read");
+    return source->Next();
+  }
+  static FramePtr Make(const FrameMaker* maker, const SourceImage& image) {
+    const StageTimer timer("capture/features");
+    return maker->Make(image);
+  }
   void Produce(ImageSource* source, const FrameMaker* maker) {
     try {
-      while (const auto image = source->Next()) {
-        FramePtr frame = maker->Make(*image);
+      while (const auto image = Read(source)) {
+        FramePtr frame = Make(maker, *image);
         std::unique_lock lock(mutex_);
         changed_.wait(lock, [this] { return frames_.size() < ahead_ || stop_; });
         if (stop_) break;

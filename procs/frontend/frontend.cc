@@ -6,6 +6,7 @@
 
 #include "libs/geometry/triangulation.h"
 #include "libs/retrieval/vocabulary.h"
+#include "procs/frontend/profiler.h"
 
 namespace mapmend {
 namespace {
@@ -36,6 +37,7 @@ Frontend::Frontend(const FrontendOptions& options, const Pinhole& camera, const 
 
 FrameOutcome Frontend::ProcessFrame(const FramePtr& frame) {
   frame->points.assign(frame->features.Size(), -1);
+  const StageTimer timer("track+map/frame");
   const auto begin = std::chrono::steady_clock::now();
   mapping_s_ = 0;
   FrameOutcome outcome = map_ ? TrackFrame(frame) : Initialise(frame);
@@ -45,6 +47,7 @@ FrameOutcome Frontend::ProcessFrame(const FramePtr& frame) {
 }
 
 FrameOutcome Frontend::Initialise(const FramePtr& frame) {
+  const StageTimer timer("track/initialise");
   FrameOutcome outcome;
   const Initialization initialization = initializer_.AddFrame(frame);
   outcome.reason = initialization.reason;
@@ -261,6 +264,7 @@ void Frontend::CloseSubmap(const std::string& reason, const std::string& detail)
 }
 
 void Frontend::Publish(int64_t utime) {
+  const StageTimer timer("map/publish");
   if (!confirmed_) return;
   if (first_unpublished_keyframe_ == 0) emit_(map_->Keyframe(0).frame->utime, SubmapStarted{map_->Id()});
   for (; first_unpublished_keyframe_ <= map_->LastKeyframe(); ++first_unpublished_keyframe_) {

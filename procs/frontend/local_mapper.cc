@@ -8,6 +8,7 @@
 #include "libs/geometry/triangulation.h"
 #include "libs/mapping/bundle_adjustment.h"
 #include "libs/mapping/pose_optimization.h"
+#include "procs/frontend/profiler.h"
 
 namespace mapmend {
 namespace {
@@ -47,6 +48,12 @@ void LocalMapper::Process(int keyframe, WorkingMap* map) const {
   }
   FuseWithOverlapping(keyframe, neighbours, map);
   Triangulate(keyframe, neighbours, map);
+  FuseNeighbourhood(keyframe, neighbours, map);
+  AdjustLocal(keyframe, map);
+}
+
+void LocalMapper::FuseNeighbourhood(int keyframe, const std::vector<int>& neighbours, WorkingMap* map) const {
+  const StageTimer timer("map/fuse");
   // Fuse with the neighbours and with theirs.
   std::vector<int> targets = neighbours;
   std::set<int> seen(neighbours.begin(), neighbours.end());
@@ -66,10 +73,10 @@ void LocalMapper::Process(int keyframe, WorkingMap* map) const {
   }
   FuseInto(keyframe, {theirs.begin(), theirs.end()}, options_.fuse_radius_px, map);
   for (const int p : PointsOfKeyframe(*map, keyframe)) map->RefreshPoint(p);
-  AdjustLocal(keyframe, map);
 }
 
 void LocalMapper::CullRecentPoints(int keyframe, WorkingMap* map) const {
+  const StageTimer timer("map/cull");
   for (size_t i = 0; i < map->Points().size(); ++i) {
     const WorkingPoint& point = map->Points()[i];
     if (point.removed) continue;
@@ -82,6 +89,7 @@ void LocalMapper::CullRecentPoints(int keyframe, WorkingMap* map) const {
 }
 
 void LocalMapper::Triangulate(int keyframe, const std::vector<int>& neighbours, WorkingMap* map) const {
+  const StageTimer timer("map/triangulate");
   const Frame& frame = *map->Keyframe(keyframe).frame;
   std::vector<double> depths;
   for (const int p : frame.points) {
@@ -207,6 +215,7 @@ int LocalMapper::FuseInto(int keyframe, const std::vector<int>& points, double r
 // Survey flights come back beside their own strips: keyframes far away in time see the same ground, with a little drift.
 // Their points are projected with a wider window; if enough of them agree on a small correction, they are the same points.
 void LocalMapper::FuseWithOverlapping(int keyframe, const std::vector<int>& neighbours, WorkingMap* map) const {
+  const StageTimer timer("map/overlap");
   const Frame& frame = *map->Keyframe(keyframe).frame;
   std::vector<double> depths;
   for (const int p : frame.points) {
@@ -290,6 +299,7 @@ void LocalMapper::FuseWithOverlapping(int keyframe, const std::vector<int>& neig
 }
 
 void LocalMapper::AdjustLocal(int keyframe, WorkingMap* map) const {
+  const StageTimer timer("map/bundle");
   std::vector<int> free = {keyframe};
   for (const Covisible& c : map->CovisibleKeyframes(keyframe, options_.min_covisible)) {
     if (static_cast<int>(free.size()) >= options_.bundle_keyframes) break;

@@ -39,6 +39,8 @@ class LocalMapper {
   int TriangulateWith(int keyframe, int neighbour, double near, double far, WorkingMap* map) const;
   // Projects points into a keyframe; adds observations or fuses with what is there. Returns how many.
   int FuseInto(int keyframe, const std::vector<int>& points, double radius_px, WorkingMap* map) const;
+  // Both ways, with the neighbours and with theirs.
+  void FuseNeighbourhood(int keyframe, const std::vector<int>& neighbours, WorkingMap* map) const;
   void FuseWithOverlapping(int keyframe, const std::vector<int>& neighbours, WorkingMap* map) const;
   void Adjust(const std::vector<int>& free_keyframes, const std::vector<int>& fixed_keyframes, int iterations,
               WorkingMap* map) const;

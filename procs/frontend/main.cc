@@ -14,8 +14,9 @@ int main(int argc, char** argv) {
   app.add_option("--times", options.times_path, "time of each frame in seconds, one per line; else from the frame rate");
   app.add_option("--vocabulary", options.vocabulary_path, "vocabulary (mapmend's or DBoW2's text format)")->required();
   app.add_option("--skip-frames", options.skip_frames, "frames to leave out, e.g. 80-120,200-240");
-  app.add_option("--features", options.num_features, "ORB features per image")->capture_default_str();
+  app.add_option("--features", options.num_features, "ORB features per image; 0: 1000 up to one megapixel, 2000 above")->capture_default_str();
   app.add_option("--max-dimension", options.max_dimension, "scale larger images down to this many pixels; 0: never")->capture_default_str();
+  app.add_option("--profile", options.profile_path, "write the time of each stage per frame to this JSON file, and print it");
   app.add_option("--seed", options.seed, "of all random sampling")->capture_default_str();
   app.add_option("--session", options.session, "name of the session (UUID); else made from input, options and seed");
   app.add_option("--outbox", options.outbox_path, "file that keeps what the store has not acknowledged");

@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <fstream>
+#include <iostream>
 #include <mapmend/frame_pose_t.hpp>
+#include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/videoio.hpp>
@@ -15,6 +18,7 @@
 #include "libs/bus/stream_sender.h"
 #include "libs/retrieval/vocabulary.h"
 #include "procs/frontend/frame_queue.h"
+#include "procs/frontend/profiler.h"
 #include "procs/frontend/run_options.h"
 
 namespace mapmend {
@@ -70,9 +74,24 @@ SessionStarted DescribeSession(const RunOptions& options, const Camera& camera, 
   return started;
 }
 
+void WriteProfile(const std::string& path) {
+  nlohmann::json json = nlohmann::json::array();
+  std::cout << "stage                 frames  median ms   p95 ms  total s\n";
+  for (const Profiler::Row& row : Profiler::Global().Table()) {
+    json.push_back({{"stage", row.stage}, {"frames", row.frames}, {"median_ms", row.median_ms}, {"p95_ms", row.p95_ms}, {"total_s", row.total_s}});
+    char line[120];
+    std::snprintf(line, sizeof(line), "%-20s %7d %10.2f %8.2f %8.2f\n", row.stage.c_str(), row.frames, row.median_ms, row.p95_ms, row.total_s);
+    std::cout << line;
+  }
+  std::ofstream file(path);
+  file << json.dump(1) << "\n";
+  if (!file.flush()) throw std::runtime_error("profile " + path + ": cannot be written");
+}
+
 }  // namespace
 
 int RunFrontend(const RunOptions& options) {
+  if (!options.profile_path.empty()) Profiler::Global().Enable();
   const std::set<int> skip = ParseFrameRanges(options.skip_frames);
   Camera camera = WithImageSize(ReadCamera(options.camera_path), options, skip);
   double scale = 1.0;
@@ -82,6 +101,7 @@ int RunFrontend(const RunOptions& options) {
   const Vocabulary vocabulary = Vocabulary::Read(options.vocabulary_path);
   OrbOptions orb;
   orb.num_features = options.num_features;
+  if (orb.num_features == 0) orb.num_features = camera.width * camera.height <= 1000000 ? 1000 : 2000;
   orb.Check();
   const FrameMaker maker(camera, scale, orb);
   const std::string session = options.session.empty() ? SessionForFile(options) : options.session;
@@ -146,6 +166,7 @@ int RunFrontend(const RunOptions& options) {
                              (options.outbox_path.empty() ? "" : "; they are kept in " + options.outbox_path));
   }
   report();
+  if (!options.profile_path.empty()) WriteProfile(options.profile_path);
   health.SetState("done", source.Truncated());
   if (!source.Truncated().empty()) {
     spdlog::error("{}", source.Truncated());

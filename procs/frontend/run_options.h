@@ -11,9 +11,10 @@ namespace mapmend {
 struct RunOptions {
   ProcessOptions process;
   std::string input, camera_path, times_path, vocabulary_path, skip_frames, session, outbox_path, vehicle;
-  int num_features = 1000;
+  int num_features = 0;   // per image; 0: 1000 up to one megapixel, 2000 above
   int max_dimension = 0;  // pixels; larger images are scaled down; 0: never
   uint64_t seed = 1;
+  std::string profile_path;  // JSON file for the time of each stage; empty: none
   FrontendOptions frontend;
 };
 

@@ -5,6 +5,7 @@
 
 #include "libs/geometry/pnp.h"
 #include "libs/mapping/bundle_adjustment.h"
+#include "procs/frontend/profiler.h"
 
 namespace mapmend {
 namespace {
@@ -162,6 +163,7 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
   frame->points.assign(frame->features.Size(), -1);
   bool found = false;
   if (prediction) {
+    const StageTimer timer("track/motion");
     const std::vector<int> points = PointsOf(*map, LocalKeyframes(*map, hints, *frame));
     for (const double factor : {1.0, 3.0}) {
       std::fill(frame->points.begin(), frame->points.end(), -1);
@@ -176,6 +178,7 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
     }
   }
   for (size_t i = 0; i < hints.size() && !found; ++i) {
+    const StageTimer timer("track/descriptors");
     std::fill(frame->points.begin(), frame->points.end(), -1);
     if (MatchKeyframe(*map, hints[i], frame)) {
       found = true;
@@ -187,6 +190,7 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
     return result;
   }
   result.reason = "too_few_inliers";
+  const StageTimer timer("track/local_map");
   // The local map: everything that should be in view now. Twice, because the second time the pose is better.
   std::vector<int> points;
   for (int round = 0; round < 2; ++round) {
