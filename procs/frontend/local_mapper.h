@@ -18,7 +18,7 @@ struct LocalMapperOptions {
   double overlap_radius = 0.02;       // search radius there, of the image width
   int bundle_keyframes = 12;          // optimised by local bundle adjustment
   int bundle_fixed_keyframes = 20;    // that hold it in place
-  int bundle_iterations = 8;
+  int bundle_iterations = 5;
   double outlier_chi2 = 5.991;
 };
 

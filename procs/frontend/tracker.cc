@@ -14,13 +14,16 @@ constexpr double kMaxViewAngleCos = 0.5;  // a point seen from more than 60 degr
 constexpr int kSpreadColumns = 8, kSpreadRows = 6;
 
 std::vector<int> PointsOf(const WorkingMap& map, const std::vector<int>& keyframes) {
-  std::set<int> points;
+  std::vector<uint8_t> seen(map.Points().size(), 0);
+  std::vector<int> points;
   for (const int k : keyframes) {
     for (const int p : map.Keyframe(k).frame->points) {
-      if (p >= 0) points.insert(p);
+      if (p < 0 || seen[p]) continue;
+      seen[p] = 1;
+      points.push_back(p);
     }
   }
-  return {points.begin(), points.end()};
+  return points;
 }
 
 double Spread(const Frame& frame, const Pinhole& camera) {
@@ -39,11 +42,10 @@ double Spread(const Frame& frame, const Pinhole& camera) {
 
 int Tracker::SearchPoints(const WorkingMap& map, const std::vector<int>& points, const Rigid3& pose, double radius_px,
                           bool scale_radius, int max_distance, Frame* frame) const {
-  std::vector<uint8_t> used(frame->points.size());
-  std::set<int> already;
+  std::vector<uint8_t> used(frame->points.size()), already(map.Points().size(), 0);
   for (size_t i = 0; i < used.size(); ++i) {
     used[i] = frame->points[i] >= 0;
-    if (used[i]) already.insert(frame->points[i]);
+    if (used[i]) already[frame->points[i]] = 1;
   }
   const Eigen::Matrix3d R = pose.rotation.toRotationMatrix();
   const Eigen::Vector3d center = pose.Center();
@@ -52,7 +54,7 @@ int Tracker::SearchPoints(const WorkingMap& map, const std::vector<int>& points,
   std::vector<int> claimed(frame->points.size(), -1);
   for (const int index : points) {
     const WorkingPoint& point = map.Point(index);
-    if (point.removed || already.contains(index)) continue;
+    if (point.removed || already[index]) continue;
     const Eigen::Vector3d x = R * point.position + pose.translation;
     if (x.z() <= 0) continue;
     const Eigen::Vector2d pixel = camera_.Project(x);
