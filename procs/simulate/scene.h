@@ -1,0 +1,106 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "procs/simulate/texture.h"
+
+namespace mapmend::simulate {
+
+// World: metres, x east, y north, z up.
+
+// Heights on a square grid; between the vertices two triangles per cell, cut from (i + 1, j) to (i, j + 1). Vertex (i, j)
+// lies at (x0 + i * spacing, y0 + j * spacing).
+struct HeightGrid {
+  double x0 = 0, y0 = 0, spacing = 1;
+  int width = 0, height = 0;  // vertices
+  std::vector<float> z;
+
+  float& At(int i, int j) { return z[static_cast<size_t>(j) * width + i]; }
+  float At(int i, int j) const { return z[static_cast<size_t>(j) * width + i]; }
+  // On the triangles; clamped to the border.
+  double Height(double x, double y) const;
+};
+
+// A plane of a convex solid: normal . x = offset, normal pointing out; and how its picture lies on it: texel
+// (u . x + u0, v . x + v0). texture < 0: the face has the plain colour.
+struct Face {
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
+  double offset = 0;
+  int texture = -1;
+  Eigen::Vector3d u = Eigen::Vector3d::Zero(), v = Eigen::Vector3d::Zero();
+  double u0 = 0, v0 = 0;
+  float texels_per_metre = 1;
+  Color color = {};  // multiplies the texture (1 = as it is), or is the plain colour ([0, 255])
+};
+
+// The intersection of at most eight half-spaces: a house, a car body, a table top, a wall.
+struct Solid {
+  std::vector<Face> faces;
+  Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = Eigen::Vector3d::Zero();  // bounding box
+};
+
+struct Hit {
+  static constexpr int kNothing = -1, kGround = 0;  // 1 + 8 * solid + face otherwise
+
+  double distance = 0;  // along the ray, metres for a unit direction
+  int surface = kNothing;
+  float slope = 0;  // of the ground: tangent of its steepness
+};
+
+// A textured height field with convex solids on it. Immutable after Build; safe to share between threads.
+class Scene {
+ public:
+  HeightGrid grid;
+  std::shared_ptr<const Texture> ground;  // row 0 in the south; light and shadow are in it already
+  double ground_texels_per_metre = 1;     // texel (0, 0) has its centre half a texel inside the corner (x0, y0)
+  float ground_detail = 0;                // contrast of the detail that appears below the texel size
+  std::shared_ptr<const Texture> detail;  // grey, mean 128, repeated
+  std::vector<Solid> solids;
+  std::vector<std::shared_ptr<const Texture>> textures;
+  double survey_height = 500;             // above everything; indoors, below the ceiling
+  Color sky_low = Rgb(205, 215, 228), sky_high = Rgb(120, 165, 220);
+
+  // Call after the public members are set, and once.
+  void Build();
+  // First surface on origin + distance * direction, distance > 0. direction has unit length.
+  Hit Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const;
+  // True if between the rays nothing is in front of the ground: the four rays of the corners of a small piece of the image, seen
+  // steeply from above, have hit it at `points`, and no solid, tree or other relief reaches into the pyramid they span.
+  bool GroundIsClear(const Eigen::Vector3d* points, const Eigen::Vector3d* directions) const;
+  // Colour there, [0, 255] as a camera without noise would store it. pixel_angle: radians between neighbouring rays.
+  Color Shade(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, const Hit& hit, double pixel_angle) const;
+
+  Color ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& direction, double footprint, double slope) const;
+
+ private:
+  struct Level {
+    int width = 0, height = 0;
+    std::vector<float> max;
+  };
+  struct Plane {
+    double x, y, z, offset;
+  };
+
+  void CastSolid(int solid, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, Hit* best) const;
+
+  static constexpr int kLeaf = 3;  // solids are listed per block of 2^3 cells
+  std::vector<Level> levels_;  // greatest height of blocks of cells; solids count from kLeaf upwards
+  Level obstacles_;            // the same for blocks of 2 x 2 cells, with solids
+  std::vector<uint32_t> list_begin_;
+  std::vector<int> lists_;
+  std::vector<Plane> planes_;  // 8 per solid, unused ones never cut
+  std::vector<int> num_planes_;
+};
+
+// A box standing on the ground, turned by yaw (radians) about its vertical axis. Faces: +x, -x, +y, -y, top, bottom.
+Solid MakeBox(const Eigen::Vector3d& center, const Eigen::Vector3d& size, double yaw);
+// The same with a gabled roof of roof_height on top, the ridge along its x axis. Faces: +x, -x, +y, -y, roof +y, roof -y.
+Solid MakeHouse(const Eigen::Vector3d& center, const Eigen::Vector3d& size, double yaw, double roof_height);
+// Lays a texture on a face: its corner (0, 0) at origin, u and v axes along the (unit) directions.
+void LayTexture(Face* face, int texture, const Eigen::Vector3d& origin, const Eigen::Vector3d& u, const Eigen::Vector3d& v,
+                double texels_per_metre);
+
+}  // namespace mapmend::simulate

@@ -1,0 +1,86 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <string>
+#include <vector>
+
+namespace mapmend::simulate {
+
+// Four floats added and multiplied at once; GCC's and Clang's vector extension. Red, green, blue, unused; [0, 255].
+using Color = float __attribute__((vector_size(16)));
+
+inline Color Rgb(double r, double g, double b) {
+  return Color{static_cast<float>(r), static_cast<float>(g), static_cast<float>(b), 0.f};
+}
+inline float Luminance(const Color& c) { return 0.299f * c[0] + 0.587f * c[1] + 0.114f * c[2]; }
+
+inline uint32_t Pack(const Color& c) {
+  const auto byte = [](float v) { return static_cast<uint32_t>(std::clamp(v + 0.5f, 0.f, 255.f)); };
+  return byte(c[0]) | byte(c[1]) << 8 | byte(c[2]) << 16;
+}
+inline Color Unpack(uint32_t texel) {
+  using Bytes = uint8_t __attribute__((vector_size(4)));
+  Bytes bytes;
+  std::memcpy(&bytes, &texel, 4);
+  return __builtin_convertvector(bytes, Color);
+}
+
+// A picture, row by row, 8 bits a channel; texel centres at integers.
+struct Image {
+  int width = 0, height = 0;
+  std::vector<uint32_t> texels;
+
+  Image() = default;
+  Image(int w, int h, Color fill = Color{}) : width(w), height(h), texels(static_cast<size_t>(w) * h, Pack(fill)) {}
+  uint32_t& At(int x, int y) { return texels[static_cast<size_t>(y) * width + x]; }
+  uint32_t At(int x, int y) const { return texels[static_cast<size_t>(y) * width + x]; }
+  // Bilinear, clamped to the border.
+  Color Bilinear(float x, float y) const {
+    x = std::clamp(x, 0.f, static_cast<float>(width - 1));
+    y = std::clamp(y, 0.f, static_cast<float>(height - 1));
+    const int ix = static_cast<int>(x), iy = static_cast<int>(y);
+    const float fx = x - static_cast<float>(ix), fy = y - static_cast<float>(iy);
+    const uint32_t* row = texels.data() + static_cast<size_t>(iy) * width + ix;
+    const int right = ix + 1 < width ? 1 : 0, down = iy + 1 < height ? width : 0;
+    const Color a = Unpack(row[0]), b = Unpack(row[right]), c = Unpack(row[down]), d = Unpack(row[down + right]);
+    const Color top = a + (b - a) * fx, bottom = c + (d - c) * fx;
+    return top + (bottom - top) * fy;
+  }
+};
+
+// Reads a PNG or JPEG. Throws std::runtime_error naming the file.
+Image ReadImage(const std::string& path);
+
+// An image with its mipmaps: level i is smaller by 2^i, each texel the mean of four below.
+class Texture {
+ public:
+  explicit Texture(Image image, int num_threads = 1);
+
+  int Width() const { return levels_[0].width; }
+  int Height() const { return levels_[0].height; }
+  // Trilinear. x, y: texels of level 0; lod: log2 of the footprint in texels, below 0 means magnified.
+  Color Sample(float x, float y, float lod) const {
+    lod = std::clamp(lod, 0.f, static_cast<float>(levels_.size() - 1));
+    const int level = static_cast<int>(lod);
+    const float fraction = lod - static_cast<float>(level);
+    const Color fine = SampleLevel(level, x, y);
+    if (fraction < 0.02f || level + 1 >= static_cast<int>(levels_.size())) return fine;
+    return fine + (SampleLevel(level + 1, x, y) - fine) * fraction;
+  }
+
+ private:
+  Color SampleLevel(int level, float x, float y) const {
+    const float scale = kScale[level];
+    return levels_[level].Bilinear((x + 0.5f) * scale - 0.5f, (y + 0.5f) * scale - 0.5f);
+  }
+
+  static constexpr float kScale[16] = {1.f,         1.f / 2,    1.f / 4,    1.f / 8,    1.f / 16,   1.f / 32,
+                                       1.f / 64,    1.f / 128,  1.f / 256,  1.f / 512,  1.f / 1024, 1.f / 2048,
+                                       1.f / 4096,  1.f / 8192, 1.f / 16384, 1.f / 32768};
+  std::vector<Image> levels_;
+};
+
+}  // namespace mapmend::simulate
