@@ -11,6 +11,8 @@
 namespace mapmend {
 
 std::string FinishRun(const std::string& out, const LauncherFigures& figures) {
+  std::error_code ignored;
+  std::filesystem::remove(out + "/outbox", ignored);  // all of it is in the database
   CompleteSummary(out, figures);
   const std::string log = out + "/logs/viewer_export.log";
   ChildProcess report({FindProgram("viewer_export"), "--report", out}, log);

@@ -1,0 +1,92 @@
+// SIGKILL for every process of a run in turn: the launcher brings it back and the map is the one of an undisturbed run. A killed
+// frontend cannot come back; what it saw is mapped to the end.
+
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <nlohmann/json.hpp>
+
+#include "tests/process/command_helper.h"
+
+namespace mapmend {
+namespace {
+
+const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
+const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
+
+// The last frames of the first flight and the first of the second: two submaps.
+std::vector<std::string> RunArguments(const std::string& out) {
+  return {kProgram, "run", kFlight + "video.mp4", "--skip-frames", "0-59,102-171", "--session", "7a0f3c52-61d4-4d0b-8f0e-0c9be5a4e101",
+          "--seed", "1", "--port", "0", "--out", out};
+}
+
+// The process of a run whose command line holds this word; -1 if there is none.
+pid_t FindProcess(const RunningCommand& run, const std::string& word) {
+  for (const pid_t pid : run.Survivors()) {
+    if (pid != run.Pid() && ReadText("/proc/" + std::to_string(pid) + "/cmdline").find(word) != std::string::npos) return pid;
+  }
+  return -1;
+}
+
+nlohmann::json Summary(const std::string& out) {
+  const std::string text = ReadText(out + "/summary.json");
+  return text.empty() ? nlohmann::json::object() : nlohmann::json::parse(text);
+}
+
+TEST(Recovery, KilledProcessesComeBackAndTheMapIsTheSame) {
+  const TemporaryFolder folder;
+  ASSERT_EQ(RunCommand(RunArguments(folder / "undisturbed"), 240).exit_code, 0);
+
+  RunningCommand run(RunArguments(folder / "disturbed"), folder / "output");
+  // With the NUL that begins or ends an argument, so that only the program itself is meant.
+  const std::string end(1, '\0');
+  ASSERT_TRUE(WaitUntil([&] { return FindProcess(run, "/frontend" + end) > 0; }, 60)) << ReadText(folder / "output");
+  for (const std::string& program : {"/submap_store" + end, "/merger" + end, "/viewer_export" + end, "/mapmend" + end + "hub" + end}) {
+    SleepSeconds(1);
+    const pid_t pid = FindProcess(run, program);
+    ASSERT_GT(pid, 0) << program;
+    kill(pid, SIGKILL);
+    ASSERT_TRUE(WaitUntil(
+        [&] {
+          const pid_t next = FindProcess(run, program);
+          return next > 0 && next != pid;
+        },
+        10))
+        << program;
+  }
+  const auto result = run.Wait(240);
+  ASSERT_TRUE(result) << ReadText(folder / "output");
+  EXPECT_EQ(result->exit_code, 0) << result->output;
+  EXPECT_EQ(run.Survivors(), std::vector<pid_t>());
+
+  const nlohmann::json first = Summary(folder / "undisturbed"), second = Summary(folder / "disturbed");
+  for (const char* key : {"submaps", "components", "connections", "frames_tracked", "points_in_main"}) {
+    EXPECT_EQ(first.at(key), second.at(key)) << key;
+  }
+  EXPECT_EQ(ReadText(folder / "undisturbed/frames.tum"), ReadText(folder / "disturbed/frames.tum"));
+}
+
+TEST(Recovery, WhatAKilledFrontendSawIsMapped) {
+  const TemporaryFolder folder;
+  RunningCommand run(RunArguments(folder / "out"), folder / "output");
+  const std::string end(1, '\0');
+  // After some keyframes are in the store: each takes some twenty thousand bytes.
+  ASSERT_TRUE(WaitUntil([&] { return ReadText(folder / "out/map.db-wal").size() + ReadText(folder / "out/map.db").size() > 1000000; }, 60))
+      << ReadText(folder / "output");
+  const pid_t pid = FindProcess(run, "/frontend" + end);
+  ASSERT_GT(pid, 0);
+  kill(pid, SIGKILL);
+  const auto result = run.Wait(120);
+  ASSERT_TRUE(result) << ReadText(folder / "output");
+  EXPECT_EQ(result->exit_code, 1);
+  EXPECT_NE(result->output.find("mapmend: frontend ended with signal 9 (Killed); what could be read is mapped"), std::string::npos)
+      << result->output;
+  EXPECT_EQ(run.Survivors(), std::vector<pid_t>());
+  const nlohmann::json summary = Summary(folder / "out");
+  ASSERT_TRUE(summary.contains("frames_in_main")) << result->output;
+  EXPECT_GT(summary.at("frames_in_main").get<int>(), 3);
+  EXPECT_TRUE(summary.at("final").get<bool>());
+}
+
+}  // namespace
+}  // namespace mapmend
