@@ -13,7 +13,8 @@ namespace {
 
 constexpr double kMaxTimeRatio = 2.5;  // the motion model does not reach over longer gaps
 constexpr double kDark = 12;           // mean grey level
-constexpr double kBlurred = 0.4;       // sharpness, of the last good frames'
+constexpr double kBlurred = 0.4;       // sharpness, of the last good frame's
+constexpr double kGap = 5;             // time since the last frame, of the usual time between frames
 
 // cam_from_submap after time_ratio times the motion from before to last.
 Rigid3 Extrapolate(const Rigid3& before, const Rigid3& last, double time_ratio) {
@@ -175,10 +176,9 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
   }
 
   outcome.state = FrontendState::kLost;
-  outcome.reason = frame->mean_brightness < kDark ? "darkness"
-                   : last_frame_ && frame->sharpness < kBlurred * last_frame_->sharpness ? "blur"
-                                                                                         : result.reason;
-  last_failure_ = outcome.reason;
+  outcome.reason = ExplainFailure(*frame, result.reason);
+  // The first frame tells best why tracking was lost: after a gap or a dark spell the next ones look well.
+  if (lost_frames_ == 0) last_failure_ = outcome.reason;
   ++lost_frames_;
   lost_.push_back(frame);
   if (!confirmed_) {
@@ -200,6 +200,16 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
     }
   }
   return outcome;
+}
+
+std::string Frontend::ExplainFailure(const Frame& frame, const std::string& tracker_reason) const {
+  if (frame.mean_brightness < kDark) return "darkness";
+  if (frame.sharpness < kBlurred * last_frame_->sharpness) return "blur";
+  if (before_last_frame_ && static_cast<double>(frame.utime - last_frame_->utime) >
+                                kGap * static_cast<double>(last_frame_->utime - before_last_frame_->utime)) {
+    return "input_gap";
+  }
+  return tracker_reason;
 }
 
 bool Frontend::NeedsKeyframe(const Frame& frame, const TrackResult& result) const {

@@ -63,6 +63,7 @@ class Frontend {
   FrameOutcome Initialise(const FramePtr& frame);
   FrameOutcome TrackFrame(const FramePtr& frame);
   bool StartSubmap(const Initialization& initialization);
+  std::string ExplainFailure(const Frame& frame, const std::string& tracker_reason) const;
   bool NeedsKeyframe(const Frame& frame, const TrackResult& result) const;
   void InsertKeyframe(const FramePtr& frame);
   void CloseSubmap(const std::string& reason, const std::string& detail);

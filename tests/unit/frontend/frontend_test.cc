@@ -1,0 +1,92 @@
+#include "procs/frontend/frontend.h"
+
+#include <gtest/gtest.h>
+
+#include "libs/mapping/submap.h"
+#include "tests/unit/frontend/synthetic_flight.h"
+
+namespace mapmend {
+namespace {
+
+// Runs the frontend and applies its records to the read model that everything downstream uses.
+struct Replay {
+  explicit Replay(const SyntheticScene& scene)
+      : frontend({}, scene.Camera(), {}, nullptr, [this](int64_t utime, RecordBody body) {
+          const std::string error = session.Apply({{"test", next_seq++, utime}, std::move(body)});
+          EXPECT_EQ(error, "");
+        }) {
+    EXPECT_EQ(session.Apply({{"test", next_seq++, 0}, SessionStarted{}}), "");
+  }
+  int64_t next_seq = 0;
+  Session session;
+  Frontend frontend;
+};
+
+TEST(Frontend, StraightFlightBecomesOneAccurateSubmap) {
+  SyntheticScene scene(12000, -1.5, 6, 0.1, 1);
+  Replay run(scene);
+  std::vector<Rigid3> truth;
+  for (int i = 0; i < 30; ++i) {
+    truth.push_back(NadirPose(0.12 * i, 0.02 * (i % 3), 0.03 * (i % 2)));
+    run.frontend.ProcessFrame(scene.View(truth.back(), i));
+  }
+  run.frontend.Finish();
+  ASSERT_EQ(run.session.submaps.size(), 1u);
+  const Submap& submap = run.session.submaps.begin()->second;
+  EXPECT_TRUE(submap.ended);
+  EXPECT_EQ(submap.end_reason, "end_of_input");
+  ASSERT_EQ(submap.frames.size(), 30u);
+  // Distances between all frames, scaled by the first leg, against the truth.
+  std::vector<Eigen::Vector3d> centers(30);
+  for (const TrackedFrame& f : submap.frames) centers[f.frame] = submap.CamFromSubmap(f).Center();
+  const double scale = (truth[29].Center() - truth[0].Center()).norm() / (centers[29] - centers[0]).norm();
+  for (int i = 1; i < 30; ++i) {
+    const double expected = (truth[i].Center() - truth[0].Center()).norm();
+    EXPECT_NEAR(scale * (centers[i] - centers[0]).norm(), expected, 0.01 + 0.01 * expected) << i;
+  }
+}
+
+TEST(Frontend, LossClosesTheSubmapAndTheNextBeginsWithTheFirstLostFrame) {
+  SyntheticScene scene(30000, -2, 14, 0.1, 2);
+  Replay run(scene);
+  int index = 0;
+  for (int i = 0; i < 12; ++i) run.frontend.ProcessFrame(scene.View(NadirPose(0.12 * i, 0), index++));
+  for (int i = 0; i < 12; ++i) run.frontend.ProcessFrame(scene.View(NadirPose(8 + 0.12 * i, 8), index++));
+  run.frontend.Finish();
+  ASSERT_EQ(run.session.submaps.size(), 2u);
+  EXPECT_EQ(run.frontend.NumLosses(), 1);
+  EXPECT_EQ(run.session.submaps.begin()->second.frames.size(), 12u);
+  EXPECT_EQ(run.session.submaps.begin()->second.last_frame, 11);
+  EXPECT_EQ(run.session.submaps.rbegin()->second.frames.size(), 12u);
+}
+
+TEST(Frontend, ShortBlackoutContinuesTheSameSubmap) {
+  SyntheticScene scene(12000, -1.5, 6, 0.1, 3);
+  SyntheticScene nothing(10, -1.5, 6, 0.1, 4);
+  Replay run(scene);
+  for (int i = 0; i < 25; ++i) {
+    const bool blind = i >= 12 && i < 15;
+    run.frontend.ProcessFrame((blind ? nothing : scene).View(NadirPose(0.06 * i, 0), i));
+  }
+  run.frontend.Finish();
+  EXPECT_EQ(run.session.submaps.size(), 1u);
+  EXPECT_EQ(run.session.submaps.begin()->second.frames.size(), 22u);
+}
+
+TEST(Frontend, EqualInputGivesEqualRecords) {
+  const auto poses = [] {
+    SyntheticScene scene(8000, -1.5, 4, 0.1, 5);
+    Replay run(scene);
+    for (int i = 0; i < 12; ++i) run.frontend.ProcessFrame(scene.View(NadirPose(0.12 * i, 0), i));
+    run.frontend.Finish();
+    std::vector<double> values;
+    for (const auto& [id, keyframe] : run.session.submaps.begin()->second.keyframes) {
+      for (const double v : ToArray(keyframe.cam_from_submap)) values.push_back(v);
+    }
+    return values;
+  };
+  EXPECT_EQ(poses(), poses());
+}
+
+}  // namespace
+}  // namespace mapmend

@@ -1,0 +1,57 @@
+#include "procs/frontend/initializer.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/frontend/synthetic_flight.h"
+
+namespace mapmend {
+namespace {
+
+// Rotation exact to tenths of a degree, translation in the right direction, and points where they are, up to scale.
+void ExpectMotion(const Initialization& initialization, const Rigid3& first, const Rigid3& second) {
+  ASSERT_TRUE(initialization.success) << initialization.reason;
+  const Rigid3 truth = second * first.Inverse();
+  EXPECT_LT(RotationAngle(initialization.second_from_first.rotation * truth.rotation.conjugate()), 0.005);
+  EXPECT_GT(initialization.second_from_first.translation.normalized().dot(truth.translation.normalized()), 0.999);
+}
+
+TEST(Initializer, PlanarNadirSceneAtSurveySpacing) {
+  SyntheticScene scene(1500, -2, 3, 0.0, 1);
+  Initializer initializer({}, scene.Camera(), {});
+  const Rigid3 a = NadirPose(0, 0), b = NadirPose(0.15, 0.01, 0.05);
+  EXPECT_FALSE(initializer.AddFrame(scene.View(a, 0)).success);
+  ExpectMotion(initializer.AddFrame(scene.View(b, 1)), a, b);
+}
+
+TEST(Initializer, RoughScene) {
+  SyntheticScene scene(1500, -2, 3, 0.25, 2);
+  Initializer initializer({}, scene.Camera(), {});
+  const Rigid3 a = NadirPose(0, 0), b = NadirPose(0.1, 0.1, 0.3);
+  initializer.AddFrame(scene.View(a, 0));
+  ExpectMotion(initializer.AddFrame(scene.View(b, 1)), a, b);
+}
+
+TEST(Initializer, PureRotationIsRefused) {
+  SyntheticScene scene(1500, -2, 3, 0.2, 3);
+  Initializer initializer({}, scene.Camera(), {});
+  initializer.AddFrame(scene.View(NadirPose(0, 0), 0));
+  for (int i = 1; i < 4; ++i) {
+    Rigid3 turned = NadirPose(0, 0, 0.1 * i);
+    turned = Rigid3(Eigen::Quaterniond(Eigen::AngleAxisd(0.05 * i, Eigen::Vector3d::UnitX())), Eigen::Vector3d::Zero()) * turned;
+    const Initialization result = initializer.AddFrame(scene.View(turned, i));
+    EXPECT_FALSE(result.success);
+    EXPECT_FALSE(result.reason.empty());
+  }
+}
+
+TEST(Initializer, ImagesOfDifferentPlacesAreRefused) {
+  SyntheticScene scene(3000, -10, 10, 0.1, 4);
+  Initializer initializer({}, scene.Camera(), {});
+  initializer.AddFrame(scene.View(NadirPose(-5, 0), 0));
+  const Initialization result = initializer.AddFrame(scene.View(NadirPose(5, 0), 1));
+  EXPECT_FALSE(result.success);
+  EXPECT_EQ(result.reason, "too_few_matches");
+}
+
+}  // namespace
+}  // namespace mapmend
