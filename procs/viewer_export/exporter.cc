@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "libs/geometry/write_file.h"
+#include "procs/viewer_export/colmap_export.h"
 #include "procs/viewer_export/graph_export.h"
 #include "procs/viewer_export/ply_export.h"
 #include "procs/viewer_export/report.h"
@@ -77,6 +78,14 @@ void ExportComponent(const Snapshot& snapshot, int component, const EvaluatedMap
   WriteFile((dir / "trajectory.svg").string(), TrajectorySvg(snapshot, component, evaluated));
 }
 
+void ExportColmap(const Snapshot& snapshot, const fs::path& dir) {
+  MakeDirectory(dir);
+  const ColmapModel model = MakeColmapModel(snapshot, 0);
+  WriteFile((dir / "cameras.txt").string(), model.cameras);
+  WriteFile((dir / "images.txt").string(), model.images);
+  WriteFile((dir / "points3D.txt").string(), model.points);
+}
+
 // The files that others rely on, for a flight in which tracking never started.
 void ExportNothing(const fs::path& dir) {
   for (const char* file : {"frames.tum", "keyframes.tum"})
@@ -115,7 +124,11 @@ void ExportAll(const MapModel& model, const GroundTruth* ground_truth, const std
   EvaluatedMap evaluated;
   evaluated.ground_truth = ground_truth;
   if (ground_truth != nullptr) evaluated.evaluation = EvaluateMap(snapshot, *ground_truth);
-  if (snapshot.components.empty()) ExportNothing(dir);
+  if (snapshot.components.empty()) {
+    ExportNothing(dir);
+  } else {
+    ExportColmap(snapshot, dir / "colmap");
+  }
   std::vector<int> others;
   for (int c = 0; c < static_cast<int>(snapshot.components.size()); ++c) {
     ExportComponent(snapshot, c, evaluated, c == 0 ? dir : dir / "components" / std::to_string(c));

@@ -31,7 +31,7 @@ std::string EdgeLabel(const EvaluatedConnection& c) {
 
 std::vector<GraphEdge> ListEdges(const Snapshot& snapshot) {
   std::vector<GraphEdge> edges;
-  for (const EvaluatedConnection& connection : snapshot.model->Merged().connections) {
+  for (const EvaluatedConnection& connection : snapshot.model->Revision().connections) {
     GraphEdge edge{snapshot.FindSubmap(connection.a), snapshot.FindSubmap(connection.b), &connection};
     if (edge.a < 0 || edge.b < 0 || edge.a == edge.b) continue;
     if (edge.a > edge.b) std::swap(edge.a, edge.b);

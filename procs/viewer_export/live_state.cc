@@ -44,7 +44,7 @@ void AddHeadline(const Snapshot& snapshot, const LiveInputs& inputs, Json* json)
     if (lost) detail = "A new submap begins as soon as the view allows; nothing mapped so far is lost.";
     if (pose.frame >= 0) headline += " · frame " + std::to_string(pose.frame);
     if (pose.state == "tracking") detail = std::to_string(pose.num_inliers) + " points support the pose.";
-  } else if (!model.Merged().final) {
+  } else if (!model.Revision().final) {
     state = "merging";
     headline = "Joining the submaps";
     detail = "The flight has ended; the merger compares all submaps and refines the map.";
@@ -74,7 +74,7 @@ Json Figures(const Snapshot& snapshot) {
     keyframes += s.submap->keyframes.size();
     points += s.submap->points.size();
   }
-  const std::vector<EvaluatedConnection>& connections = snapshot.model->Merged().connections;
+  const std::vector<EvaluatedConnection>& connections = snapshot.model->Revision().connections;
   for (const EvaluatedConnection& c : connections) accepted += c.verdict == EvaluatedConnection::Verdict::kAccepted;
   const int losses = CountLosses(snapshot);
   add(std::to_string(snapshot.num_frames_tracked), "frames tracked",

@@ -33,22 +33,22 @@ std::string MapModel::Apply(const Record& record) {
   return "";
 }
 
-bool MapModel::SetMergedMap(MergedMap map) {
-  if (map.revision < merged_.revision) return false;
-  if (map.connections.empty()) map.connections = std::move(merged_.connections);
-  merged_ = std::move(map);
+bool MapModel::SetRevision(MapRevision map) {
+  if (map.revision < revision_.revision) return false;
+  if (map.connections.empty()) map.connections = std::move(revision_.connections);
+  revision_ = std::move(map);
   ++version_;
   return true;
 }
 
-bool MapModel::SetTransforms(MergedMap map) {
-  if (map.revision <= merged_.revision) return false;
-  map.connections = std::move(merged_.connections);
+bool MapModel::SetTransforms(MapRevision map) {
+  if (map.revision <= revision_.revision) return false;
+  map.connections = std::move(revision_.connections);
   for (EvaluatedConnection& c : map.connections) {
     c.in_tree = std::any_of(map.tree.begin(), map.tree.end(),
                             [&](const auto& edge) { return IsPair(c, edge.first, edge.second); });
   }
-  merged_ = std::move(map);
+  revision_ = std::move(map);
   ++version_;
   return true;
 }
@@ -56,10 +56,10 @@ bool MapModel::SetTransforms(MergedMap map) {
 void MapModel::SetConnection(const EvaluatedConnection& connection) {
   ++version_;
   const auto it =
-      std::find_if(merged_.connections.begin(), merged_.connections.end(),
+      std::find_if(revision_.connections.begin(), revision_.connections.end(),
                    [&](const EvaluatedConnection& other) { return IsPair(other, connection.a, connection.b); });
-  if (it == merged_.connections.end()) {
-    merged_.connections.push_back(connection);
+  if (it == revision_.connections.end()) {
+    revision_.connections.push_back(connection);
   } else {
     *it = connection;
   }
@@ -75,10 +75,10 @@ bool MapModel::AllEnded() const {
 }
 
 bool MapModel::IsComplete() const {
-  if (!merged_.final || !AllEnded()) return false;
+  if (!revision_.final || !AllEnded()) return false;
   return std::all_of(sessions_.begin(), sessions_.end(), [&](const auto& entry) {
-    const auto it = merged_.cursors.find(entry.first);
-    return it != merged_.cursors.end() && it->second == entry.second.last_seq;
+    const auto it = revision_.cursors.find(entry.first);
+    return it != revision_.cursors.end() && it->second == entry.second.last_seq;
   });
 }
 

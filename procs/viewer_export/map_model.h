@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "libs/mapping/submap.h"
-#include "procs/viewer_export/merged_map.h"
+#include "procs/viewer_export/map_revision.h"
 
 namespace mapmend {
 
@@ -19,17 +19,17 @@ class MapModel {
 
   // Takes over a complete revision of the merged map. An older revision than the one held is ignored (false). A
   // revision that brings no connections leaves those known.
-  bool SetMergedMap(MergedMap map);
+  bool SetRevision(MapRevision map);
   // Takes over transforms that came ahead of the rest of their revision: connections stay, refined poses go. Ignored
   // (false) unless newer than what is held.
-  bool SetTransforms(MergedMap map);
+  bool SetTransforms(MapRevision map);
   // One connection as evaluated now; replaces what was known of the pair until the next revision.
   void SetConnection(const EvaluatedConnection& connection);
 
   // In the order in which the sessions were first seen.
   const std::vector<std::string>& SessionOrder() const { return session_order_; }
   const Session& GetSession(const std::string& id) const { return sessions_.at(id); }
-  const MergedMap& Merged() const { return merged_; }
+  const MapRevision& Revision() const { return revision_; }
   // When a keyframe's image was taken, also of culled ones.
   int64_t KeyframeUtime(const std::string& session, KeyframeId keyframe) const;
   bool AllEnded() const;
@@ -42,7 +42,7 @@ class MapModel {
   std::map<std::string, Session> sessions_;
   std::vector<std::string> session_order_;
   std::map<std::string, std::map<KeyframeId, int64_t>> keyframe_utimes_;
-  MergedMap merged_;
+  MapRevision revision_;
   int64_t version_ = 0;
 };
 

@@ -88,8 +88,8 @@ EvaluatedConnection DecodeConnection(const connection_t& message) {
   return c;
 }
 
-MergedMap DecodeTransforms(const merged_transforms_t& message) {
-  MergedMap map;
+MapRevision DecodeTransforms(const merged_transforms_t& message) {
+  MapRevision map;
   map.revision = message.revision;
   map.refined = message.refined != 0;
   map.final = message.is_final != 0;
@@ -109,8 +109,8 @@ MergedMap DecodeTransforms(const merged_transforms_t& message) {
   return map;
 }
 
-MergedMap DecodeRevision(const revision_t& message, const std::vector<revision_part_t>& parts) {
-  MergedMap map = DecodeTransforms(message.transforms);
+MapRevision DecodeRevision(const revision_t& message, const std::vector<revision_part_t>& parts) {
+  MapRevision map = DecodeTransforms(message.transforms);
   for (const connection_t& connection : message.connections) map.connections.push_back(DecodeConnection(connection));
   for (const revision_part_t& part : parts) {
     Require(part.revision == map.revision, "revision of a part");

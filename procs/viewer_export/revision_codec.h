@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "procs/viewer_export/merged_map.h"
+#include "procs/viewer_export/map_revision.h"
 
 namespace mapmend {
 class connection_t;
@@ -16,9 +16,9 @@ class revision_t;
 EvaluatedConnection DecodeConnection(const connection_t& message);
 
 // Transforms only; tree is filled in, connections are not.
-MergedMap DecodeTransforms(const merged_transforms_t& message);
+MapRevision DecodeTransforms(const merged_transforms_t& message);
 
 // parts: all parts of the revision.
-MergedMap DecodeRevision(const revision_t& message, const std::vector<revision_part_t>& parts);
+MapRevision DecodeRevision(const revision_t& message, const std::vector<revision_part_t>& parts);
 
 }  // namespace mapmend

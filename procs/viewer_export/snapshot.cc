@@ -10,7 +10,7 @@
 namespace mapmend {
 namespace {
 
-const RefinedSubmap* FindRefinement(const MergedMap& merged, const SubmapKey& key) {
+const RefinedSubmap* FindRefinement(const MapRevision& merged, const SubmapKey& key) {
   const auto it = merged.refinement.find(key);
   return it == merged.refinement.end() || it->second.keyframes.empty() ? nullptr : &it->second;
 }
@@ -24,7 +24,7 @@ Rigid3 Follow(const Rigid3& cam_from_keyframe, const RefinedKeyframe& keyframe) 
 class FramePlacer {
  public:
   FramePlacer(const MapModel& model, const SnapshotSubmap& submap)
-      : model_(model), submap_(submap), refined_(FindRefinement(model.Merged(), submap.key)) {
+      : model_(model), submap_(submap), refined_(FindRefinement(model.Revision(), submap.key)) {
     if (refined_ == nullptr) return;
     for (const auto& [id, keyframe] : submap.submap->keyframes) {
       if (refined_->keyframes.contains(id)) refined_times_.emplace_back(keyframe.utime, id);
@@ -94,7 +94,7 @@ std::vector<SnapshotKeyframe> PlaceKeyframes(const Snapshot& snapshot, const std
   std::vector<SnapshotKeyframe> keyframes;
   for (const int index : submaps) {
     const SnapshotSubmap& submap = snapshot.submaps[index];
-    const RefinedSubmap* refined = FindRefinement(snapshot.model->Merged(), submap.key);
+    const RefinedSubmap* refined = FindRefinement(snapshot.model->Revision(), submap.key);
     for (const auto& [id, keyframe] : submap.submap->keyframes) {
       SnapshotKeyframe placed{index, id, keyframe.utime, Rigid3()};
       const bool is_refined = refined != nullptr && refined->keyframes.contains(id);
@@ -133,7 +133,7 @@ std::vector<SnapshotComponent> GroupSubmaps(Snapshot* snapshot) {
   int next_single = std::numeric_limits<int>::max() / 2;
   for (size_t i = 0; i < snapshot->submaps.size(); ++i) {
     SnapshotSubmap& submap = snapshot->submaps[i];
-    const std::vector<MergedSubmap>& merged = snapshot->model->Merged().submaps;
+    const std::vector<MergedSubmap>& merged = snapshot->model->Revision().submaps;
     const auto it =
         std::find_if(merged.begin(), merged.end(), [&](const MergedSubmap& m) { return m.key == submap.key; });
     const bool known = it != merged.end();
@@ -196,9 +196,9 @@ std::vector<ColoredPoint> ComponentPoints(const Snapshot& snapshot, int componen
   std::vector<ColoredPoint> points;
   for (const int index : snapshot.components[component].submaps) {
     const SnapshotSubmap& submap = snapshot.submaps[index];
-    const auto it = snapshot.model->Merged().refinement.find(submap.key);
+    const auto it = snapshot.model->Revision().refinement.find(submap.key);
     const RefinedSubmap* refined =
-        it == snapshot.model->Merged().refinement.end() || it->second.points.empty() ? nullptr : &it->second;
+        it == snapshot.model->Revision().refinement.end() || it->second.points.empty() ? nullptr : &it->second;
     for (const auto& [id, point] : submap.submap->points) {
       ColoredPoint colored;
       colored.submap = index;

@@ -118,7 +118,7 @@ std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evalu
   size_t num_keyframes = 0;
   for (const SnapshotSubmap& s : snapshot.submaps) num_keyframes += s.submap->keyframes.size();
   const bool any = !snapshot.components.empty();
-  const MergedMap& merged = snapshot.model->Merged();
+  const MapRevision& merged = snapshot.model->Revision();
   Json json;
   json["version"] = MAPMEND_VERSION;
   json["revision"] = merged.revision;

@@ -54,7 +54,7 @@ struct Viewer::Impl {
   void OnRecord(const Record& record);
   void FetchRevision();
   void ExportIfComplete();
-  void ReportHealth();
+  void CountForHealth();
   void UpdateLivePage();
   const GroundTruth* TruthOrNull() const { return options.ground_truth ? &*options.ground_truth : nullptr; }
 
@@ -108,7 +108,7 @@ void Viewer::Impl::FetchRevision() {
   if (store.FetchRevision(-1, &message, &parts, kFetchTimeoutMs) != StoreClient::RevisionStatus::kOk) return;
   if (message.transforms.revision <= fetched) return;
   try {
-    model.SetMergedMap(DecodeRevision(message, parts));
+    model.SetRevision(DecodeRevision(message, parts));
   } catch (const std::exception& e) {
     spdlog::error("viewer_export: revision {}: {}", message.transforms.revision, e.what());
   }
@@ -117,7 +117,7 @@ void Viewer::Impl::FetchRevision() {
 
 void Viewer::Impl::ExportIfComplete() {
   // A final revision counts once it has been read with its parts, not when only its transforms were announced.
-  if (!model.IsComplete() || model.Merged().revision > fetched) {
+  if (!model.IsComplete() || model.Revision().revision > fetched) {
     health.SetState(model.SessionOrder().empty() ? "ready" : "busy");
     return;
   }
@@ -126,18 +126,18 @@ void Viewer::Impl::ExportIfComplete() {
   if (!options.out.empty()) {
     const auto start = Clock::now();
     ExportAll(model, TruthOrNull(), options.out);
-    spdlog::info("viewer_export: revision {} written to {} in {:.2f} s", model.Merged().revision, options.out,
+    spdlog::info("viewer_export: revision {} written to {} in {:.2f} s", model.Revision().revision, options.out,
                  std::chrono::duration<double>(Clock::now() - start).count());
   }
   health.SetState("done", options.out.empty() ? "" : "exports are in " + options.out);
 }
 
-void Viewer::Impl::ReportHealth() {
+// Before the state is set, because a change of state is published at once with what is counted here.
+void Viewer::Impl::CountForHealth() {
   for (const StreamConsumer::Cursor& cursor : consumer.Cursors()) health.SetCursor(cursor.session, cursor.seq);
   health.SetQueueDepth(consumer.QueueDepth());
-  health.SetCounter("revision", static_cast<double>(model.Merged().revision));
+  health.SetCounter("revision", static_cast<double>(model.Revision().revision));
   health.SetCounter("bad_messages", static_cast<double>(bus->NumRefused() + consumer.NumRefused() + num_bad_records));
-  health.Tick();
 }
 
 void Viewer::Impl::UpdateLivePage() {
@@ -156,8 +156,9 @@ void Viewer::Run() {
   while (!StopRequested()) {
     impl_->consumer.Spin(50);
     impl_->FetchRevision();
+    impl_->CountForHealth();
     impl_->ExportIfComplete();
-    impl_->ReportHealth();
+    impl_->health.Tick();
     impl_->UpdateLivePage();
   }
 }

@@ -41,14 +41,14 @@ TEST_F(ExporterTest, ASplitMapIsWrittenWithAllItsFiles) {
   options.num_submaps = 3;
   const TestFlight flight(options);
   MapModel model = MakeModel(flight);
-  MergedMap merged = flight.Merged();
+  MapRevision merged = flight.Revision();
   merged.submaps[2].component = 1;
   merged.submaps[2].root_from_submap = Similarity3();
   merged.submaps[2].is_root = true;
   for (EvaluatedConnection& c : merged.connections) {
     if (c.b == flight.Key(2)) c.verdict = EvaluatedConnection::Verdict::kRejected, c.in_tree = false;
   }
-  model.SetMergedMap(merged);
+  model.SetRevision(merged);
   ExportAll(model, nullptr, dir_.string());
 
   const Trajectory frames = ReadTrajectory((dir_ / "frames.tum").string());
@@ -100,7 +100,7 @@ TEST_F(ExporterTest, ASplitMapIsWrittenWithAllItsFiles) {
 TEST_F(ExporterTest, GroundTruthGivesErrorsInMetres) {
   const TestFlight flight;
   MapModel model = MakeModel(flight);
-  model.SetMergedMap(flight.Merged());
+  model.SetRevision(flight.Revision());
   const GroundTruth truth = Truth(flight, 50);
   ExportAll(model, &truth, dir_.string());
   const auto summary = Summary();
@@ -115,7 +115,7 @@ TEST_F(ExporterTest, GroundTruthGivesErrorsInMetres) {
 TEST_F(ExporterTest, PlyHoldsPointsWithColoursThenThePath) {
   const TestFlight flight;
   MapModel model = MakeModel(flight);
-  model.SetMergedMap(flight.Merged());
+  model.SetRevision(flight.Revision());
   ExportAll(model, nullptr, dir_.string());
   const std::string ply = Read("map.ply");
   // 24 points; 19 steps of 8 path points and the last frame, for each of two submaps.
@@ -137,7 +137,7 @@ TEST_F(ExporterTest, PlyHoldsPointsWithColoursThenThePath) {
 TEST_F(ExporterTest, ReportIsRebuiltWithWhatTheLauncherAdds) {
   const TestFlight flight;
   MapModel model = MakeModel(flight);
-  model.SetMergedMap(flight.Merged());
+  model.SetRevision(flight.Revision());
   ExportAll(model, nullptr, dir_.string());
   EXPECT_THAT(Read("report.html"), Not(HasSubstr("wall time")));
   auto summary = Summary();
@@ -157,7 +157,7 @@ TEST_F(ExporterTest, ReportStandsAloneAndEscapesWhatItQuotes) {
   options.num_submaps = 4;
   const TestFlight flight(options);
   MapModel model = MakeModel(flight);
-  model.SetMergedMap(flight.Merged());
+  model.SetRevision(flight.Revision());
   ExportAll(model, nullptr, dir_.string());
   const std::string report = Read("report.html");
   EXPECT_THAT(report, HasSubstr("The map is whole"));
@@ -174,7 +174,7 @@ TEST_F(ExporterTest, FilesOfPartsThatNoLongerExistAreRemoved) {
   ExportAll(model, nullptr, dir_.string());  // before the merge: two parts
   EXPECT_TRUE(fs::exists(dir_ / "components/1/frames.tum"));
   WriteFile((dir_ / "components/notes.txt").string(), "mine");
-  model.SetMergedMap(flight.Merged());
+  model.SetRevision(flight.Revision());
   ExportAll(model, nullptr, dir_.string());
   EXPECT_FALSE(fs::exists(dir_ / "components/1"));
   EXPECT_TRUE(fs::exists(dir_ / "components/notes.txt"));
@@ -210,7 +210,7 @@ TEST(GraphDotTest, NamesEverySubmapAndConnection) {
   options.num_submaps = 5;
   const TestFlight flight(options);
   MapModel model = MakeModel(flight);
-  model.SetMergedMap(flight.Merged());
+  model.SetRevision(flight.Revision());
   const std::string dot = MakeGraphDot(MakeSnapshot(model));
   EXPECT_THAT(dot, HasSubstr("graph mapmend {"));
   EXPECT_THAT(dot, HasSubstr("s0 -- s1"));
@@ -227,7 +227,7 @@ TEST(GraphSvgTest, LabelsNeverOverlap) {
     options.frames_per_submap = 4;
     const TestFlight flight(options);
     MapModel model = MakeModel(flight);
-    model.SetMergedMap(flight.Merged());
+    model.SetRevision(flight.Revision());
     const std::string svg = MakeGraphSvg(MakeSnapshot(model));
     EXPECT_THAT(svg, HasSubstr("</svg>"));
     std::vector<std::pair<double, double>> labels;  // top left of every label plate

@@ -34,7 +34,7 @@ std::vector<Record> WithUpdate(const TestFlight& flight, const MapUpdate& update
 TEST(SnapshotTest, TreeTransformsPlaceEveryFrame) {
   const TestFlight flight;
   MapModel model = MakeModel(flight);
-  model.SetMergedMap(flight.Merged());
+  model.SetRevision(flight.Revision());
   const Snapshot snapshot = MakeSnapshot(model);
   ASSERT_EQ(snapshot.components.size(), 1u);
   EXPECT_EQ(snapshot.components[0].frames.size(), 40u);
@@ -60,11 +60,11 @@ TEST(SnapshotTest, TheComponentWithMostFramesIsMain) {
   options.num_submaps = 3;
   const TestFlight flight(options);
   MapModel model = MakeModel(flight);
-  MergedMap merged = flight.Merged();
+  MapRevision merged = flight.Revision();
   merged.submaps[0].component = 7;  // alone; the other two belong together
   merged.submaps[1].component = merged.submaps[2].component = 9;
   merged.submaps[1].is_root = true;
-  model.SetMergedMap(merged);
+  model.SetRevision(merged);
   const Snapshot snapshot = MakeSnapshot(model);
   ASSERT_EQ(snapshot.components.size(), 2u);
   EXPECT_EQ(snapshot.components[0].submaps, (std::vector<int>{1, 2}));
@@ -75,10 +75,10 @@ TEST(SnapshotTest, TheComponentWithMostFramesIsMain) {
 TEST(SnapshotTest, RefinedKeyframesCarryTheirFramesWithThem) {
   const TestFlight flight;
   MapModel model = MakeModel(flight);
-  MergedMap merged = flight.Merged();
+  MapRevision merged = flight.Revision();
   for (int i = 0; i < 2; ++i) merged.refinement[flight.Key(i)] = flight.Refinement(i);
   merged.submaps[1].root_from_submap = Similarity3();  // the coarse transform must not be used any more
-  model.SetMergedMap(merged);
+  model.SetRevision(merged);
   EXPECT_LT(LargestError(flight, MakeSnapshot(model).components[0].frames), 1e-4);
 }
 
@@ -92,7 +92,7 @@ TEST(SnapshotTest, AFrameOfACulledKeyframeFollowsTheNearestRefinedOne) {
   cull.removed_keyframes = {KeyframeId(2)};
   MapModel model;
   ApplyAll(&model, WithUpdate(flight, cull));
-  MergedMap merged = flight.Merged();
+  MapRevision merged = flight.Revision();
   RefinedSubmap refined = flight.Refinement(0);
   refined.keyframes.erase(KeyframeId(2));
   // Refinement moved keyframe 3 (frame 12) by one unit in x and doubled the lengths around it; the others stayed.
@@ -100,7 +100,7 @@ TEST(SnapshotTest, AFrameOfACulledKeyframeFollowsTheNearestRefinedOne) {
   refined.keyframes[KeyframeId(3)] = {
       Rigid3(before.rotation, before.translation - before.rotation * Eigen::Vector3d(1, 0, 0)), 2};
   merged.refinement[flight.Key(0)] = refined;
-  model.SetMergedMap(merged);
+  model.SetRevision(merged);
   const std::vector<MergedFrame> frames = MakeSnapshot(model).submaps[0].frames;
   ASSERT_EQ(frames.size(), 20u);
   const auto center = [&](int frame) { return frames[frame].cam_from_root.Center(); };
@@ -123,7 +123,7 @@ TEST(SnapshotTest, AFrameTrackedInTwoSubmapsCountsOnce) {
       {19, TestFlight::Utime(19), KeyframeId(5), Rigid3(Eigen::Matrix3d::Identity(), {9, 9, 9})});
   MapModel model;
   ApplyAll(&model, WithUpdate(flight, backwards));
-  model.SetMergedMap(flight.Merged());
+  model.SetRevision(flight.Revision());
   const Snapshot snapshot = MakeSnapshot(model);
   EXPECT_EQ(snapshot.num_frames_tracked, 40);
   EXPECT_EQ(snapshot.components[0].frames.size(), 40u);
@@ -150,12 +150,12 @@ TEST(SnapshotTest, NumbersGoOnFromSessionToSession) {
 TEST(ComponentPointsTest, AreColouredAndFusedOnesAreListedOnce) {
   const TestFlight flight;
   MapModel model = MakeModel(flight);
-  MergedMap merged = flight.Merged();
+  MapRevision merged = flight.Revision();
   for (int i = 0; i < 2; ++i) merged.refinement[flight.Key(i)] = flight.Refinement(i);
   RefinedSubmap& second = merged.refinement[flight.Key(1)];
   second.fused[MapPointId(12)] = {flight.Key(0).session, MapPointId(0)};
   second.points.erase(MapPointId(13));  // refinement found it to be wrong
-  model.SetMergedMap(merged);
+  model.SetRevision(merged);
   const std::vector<ColoredPoint> points = ComponentPoints(MakeSnapshot(model), 0);
   ASSERT_EQ(points.size(), 22u);
   EXPECT_EQ(points[3].color, (std::array<uint8_t, 3>{30, 0, 200}));
@@ -171,11 +171,11 @@ TEST(MapModelTest, BadRecordsAndOldRevisionsChangeNothing) {
   EXPECT_TRUE(model.SessionOrder().empty());
   ASSERT_EQ(model.Apply(flight.Records()[0]), "");
   EXPECT_NE(model.Apply(flight.Records()[2]), "") << "a record was left out";
-  EXPECT_TRUE(model.SetMergedMap(flight.Merged()));
-  MergedMap old;
+  EXPECT_TRUE(model.SetRevision(flight.Revision()));
+  MapRevision old;
   old.revision = 2;
-  EXPECT_FALSE(model.SetMergedMap(old));
-  EXPECT_EQ(model.Merged().revision, 3);
+  EXPECT_FALSE(model.SetRevision(old));
+  EXPECT_EQ(model.Revision().revision, 3);
 }
 
 }  // namespace

@@ -95,9 +95,9 @@ void TestFlight::AddSubmap(int submap) {
                                lost ? "5 frames in a row had fewer than 20 matches" : "", last, Utime(last)});
 }
 
-MergedMap TestFlight::Merged() const {
+MapRevision TestFlight::Revision() const {
   using Verdict = EvaluatedConnection::Verdict;
-  MergedMap map;
+  MapRevision map;
   map.revision = 3;
   map.final = true;
   const Similarity3 root_from_world = WorldFromSubmap(0).Inverse();

@@ -33,7 +33,7 @@ class TestFlight {
   SubmapKey Key(int submap) const { return {options_.session, SubmapId(submap)}; }
 
   // All submaps in one component with root 0, joined in a chain, with further connections of every verdict.
-  MergedMap Merged() const;
+  MapRevision Revision() const;
   // The refinement that moves nothing: poses and points as they are, in the root frame.
   RefinedSubmap Refinement(int submap) const;
 

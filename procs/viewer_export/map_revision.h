@@ -50,7 +50,7 @@ struct RefinedSubmap {
       fused;  // the same as a point (session, id) of an older submap
 };
 
-struct MergedMap {
+struct MapRevision {
   int64_t revision = -1;  // -1: none yet
   bool refined = false;
   bool final = false;                      // every session has ended and refinement is done

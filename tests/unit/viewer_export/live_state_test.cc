@@ -1,0 +1,111 @@
+#include "procs/viewer_export/live_state.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <mapmend/frame_pose_t.hpp>
+#include <mapmend/health_t.hpp>
+#include <nlohmann/json.hpp>
+
+#include "tests/unit/viewer_export/test_flight.h"
+
+namespace mapmend {
+namespace {
+
+using ::testing::HasSubstr;
+
+nlohmann::json State(const MapModel& model, const LiveInputs& inputs = {}) {
+  return nlohmann::json::parse(MakeLiveState(model, inputs, nullptr, false));
+}
+
+TEST(LiveStateTest, FollowsAFlightFromStartToEnd) {
+  const TestFlight flight;
+  MapModel model;
+  EXPECT_EQ(State(model)["state"], "waiting");
+  LiveInputs inputs;
+  frame_pose_t pose{};
+  pose.session = flight.Key(0).session;
+  pose.frame = 5;
+  pose.state = "tracking";
+  pose.num_inliers = 99;
+  pose.cam_from_submap[6] = 1;
+  inputs.OnFramePose(pose);
+  for (size_t i = 0; i < flight.Records().size() / 3; ++i) ASSERT_EQ(model.Apply(flight.Records()[i]), "");
+  nlohmann::json state = State(model, inputs);
+  EXPECT_EQ(state["state"], "tracking");
+  EXPECT_EQ(state["headline"], "Tracking · frame 5");
+  ASSERT_EQ(state["pictures"].size(), 1u);
+  EXPECT_THAT(state["pictures"][0].get<std::string>(), HasSubstr("r=\"5.5\"")) << "the mark of the camera";
+  pose.state = "lost";
+  pose.submap = -1;
+  inputs.OnFramePose(pose);
+  EXPECT_EQ(State(model, inputs)["state"], "lost");
+  model = MakeModel(flight);
+  EXPECT_EQ(State(model, inputs)["state"], "merging");
+  MapRevision revision = flight.Revision();
+  model.SetRevision(revision);
+  state = State(model, inputs);
+  EXPECT_EQ(state["state"], "whole");
+  EXPECT_EQ(state["figures"][0]["value"], "40");
+  EXPECT_THAT(state["graph"].get<std::string>(), HasSubstr("Submap 1"));
+  revision.submaps[1].component = 1;
+  revision.revision++;
+  model.SetRevision(revision);
+  state = State(model, inputs);
+  EXPECT_EQ(state["state"], "parts");
+  EXPECT_EQ(state["pictures"].size(), 2u);
+}
+
+TEST(LiveStateTest, ShowsTheHealthOfEveryProcess) {
+  LiveInputs inputs;
+  health_t health{};
+  health.process = "merger";
+  health.state = "busy";
+  health.message = "refining";
+  counter_t counter;
+  counter.name = "connections";
+  counter.value = 3;
+  health.counters.push_back(counter);
+  inputs.OnHealth(health);
+  const nlohmann::json process = State(MapModel(), inputs)["processes"][0];
+  EXPECT_EQ(process["name"], "merger");
+  EXPECT_EQ(process["message"], "refining");
+  EXPECT_EQ(process["note"], "connections 3");
+  EXPECT_LT(process["age_s"].get<double>(), 5);
+}
+
+TEST(MapModelTest, TransformsAheadOfTheirRevisionKeepTheConnections) {
+  const TestFlight flight;
+  MapModel model = MakeModel(flight);
+  model.SetRevision(flight.Revision());
+  MapRevision ahead;
+  ahead.revision = 4;
+  ahead.submaps = flight.Revision().submaps;
+  EXPECT_TRUE(model.SetTransforms(ahead));
+  ASSERT_EQ(model.Revision().connections.size(), 1u);
+  EXPECT_FALSE(model.Revision().connections[0].in_tree) << "these transforms have no tree edge";
+  ahead.tree = {{flight.Key(1), flight.Key(0)}};
+  EXPECT_FALSE(model.SetTransforms(ahead)) << "not newer";
+  ahead.revision = 5;
+  EXPECT_TRUE(model.SetTransforms(ahead));
+  EXPECT_TRUE(model.Revision().connections[0].in_tree);
+}
+
+TEST(MapModelTest, IsCompleteOnceEveryRecordOfTheFinalRevisionIsKnown) {
+  const TestFlight flight;
+  MapRevision revision = flight.Revision();
+  const int64_t last = static_cast<int64_t>(flight.Records().size()) - 1;
+  revision.cursors[flight.Key(0).session] = last;
+  MapModel model;
+  for (int64_t i = 0; i < last; ++i) ASSERT_EQ(model.Apply(flight.Records()[i]), "");
+  model.SetRevision(revision);
+  EXPECT_FALSE(model.IsComplete()) << "the session's end is missing";
+  ASSERT_EQ(model.Apply(flight.Records()[last]), "");
+  EXPECT_TRUE(model.IsComplete());
+  revision.final = false;
+  model.SetRevision(revision);
+  EXPECT_FALSE(model.IsComplete());
+}
+
+}  // namespace
+}  // namespace mapmend
