@@ -78,7 +78,7 @@ Json Figures(const Snapshot& snapshot) {
   for (const EvaluatedConnection& c : connections) accepted += c.verdict == EvaluatedConnection::Verdict::kAccepted;
   const int losses = CountLosses(snapshot);
   add(std::to_string(snapshot.num_frames_tracked), "frames tracked",
-      in > 0 ? Fixed(100 * snapshot.num_frames_tracked / in, 1) + " % so far" : "");
+      in > 0 ? Fixed(100 * snapshot.num_frames_tracked / in, 1) + " % of the flight" : "");
   add(std::to_string(main), "frames in the main map",
       snapshot.num_frames_tracked > 0
           ? Fixed(100.0 * static_cast<double>(main) / snapshot.num_frames_tracked, 1) + " % of tracked"

@@ -64,10 +64,10 @@ std::string Banner(const Json& s) {
     text = "Tracking never started.";
   } else if (parts == 1) {
     head = "The map is whole";
-    text = losses == 0
-               ? "Tracking was never lost."
-               : "Tracking was lost " + std::string(losses == 1 ? "once" : std::to_string(losses) + " times") +
-                     "; all " + Plural(static_cast<int64_t>(s["submaps"].size()), "submap") + " are joined in one map.";
+    text = losses == 0 ? "Tracking was never lost."
+                       : "Tracking was lost " + std::string(losses == 1 ? "once" : std::to_string(losses) + " times") +
+                             (s["submaps"].size() == 2 ? "; both" : "; all " + std::to_string(s["submaps"].size())) +
+                             " submaps are joined in one map.";
   } else {
     level = "warn";
     head = "The map is in " + std::to_string(parts) + " parts";
@@ -150,13 +150,13 @@ std::string WhyApart(const Json& s) {
 std::string SubmapTable(const Json& s) {
   const bool errors = s.contains("groundtruth");
   std::string html =
-      "<h2>Submaps</h2>\n<div class=\"scroll\"><table>\n<tr><th>Submap</th><th>Belongs to</th><th>First "
+      "<h2>Submaps</h2>\n<div class=\"scroll\"><table>\n<tr><th>Submap</th><th class=\"left\">Belongs to</th><th>First "
       "frame</th><th>Last frame</th>"
       "<th>Frames</th><th>Keyframes</th><th>Points</th><th>Scale in the map</th>" +
       std::string(errors ? "<th>Error RMSE</th><th>Error max</th>" : "") +
       "<th class=\"text\">Ended because</th></tr>\n";
   for (const Json& m : s["submaps"]) {
-    html += "<tr><td>" + Chip(m["id"]) + "</td><td>" + PartName(s, m["component"]) +
+    html += "<tr><td>" + Chip(m["id"]) + "</td><td class=\"left\">" + PartName(s, m["component"]) +
             (m["is_root"].get<bool>() ? " (root)" : "") + "</td>";
     const bool any = m["frames"].get<int64_t>() > 0;
     html += "<td>" + (any ? Int(m["first_frame"]) : "–") + "</td><td>" + (any ? Int(m["last_frame"]) : "–") + "</td>";

@@ -27,8 +27,8 @@ table { border-collapse: collapse; width: 100%; font-size: 14px; }
 th, td { padding: 7px 10px; text-align: right; white-space: nowrap; border-bottom: 1px solid var(--line); vertical-align: top; }
 tr:last-child td { border-bottom: 0; }
 th { font-size: 12px; font-weight: 600; color: var(--muted); }
-th:first-child, td:first-child, .text { text-align: left; }
-td.text { white-space: normal; min-width: 130px; }
+th:first-child, td:first-child, .text, .left { text-align: left; }
+td.text { white-space: normal; min-width: 130px; } td.text:last-child { min-width: 230px; }
 td i { font-style: normal; font-size: 13px; color: var(--muted); }
 .chip { display: inline-block; min-width: 22px; padding: 0 5px; border-radius: 11px; color: #fff; font-weight: 600; font-size: 13px;
   line-height: 22px; text-align: center; }

@@ -180,14 +180,11 @@ Snapshot MakeSnapshot(const MapModel& model) {
   }
   for (size_t s = 0; s < model.SessionOrder().size(); ++s) {
     const Session& session = model.GetSession(model.SessionOrder()[s]);
-    int frames = session.ended ? session.num_frames : 0;
-    // While a session lasts, the frames seen so far.
-    if (!session.ended) {
-      const auto last =
-          std::find_if(tracked.rbegin(), tracked.rend(), [&](const auto& f) { return f.first == static_cast<int>(s); });
-      if (last != tracked.rend()) frames = last->second + 1;
-    }
-    snapshot.num_frames_in += frames;
+    const auto num_tracked = std::count_if(tracked.begin(), tracked.end(),
+                                           [&](const auto& frame) { return frame.first == static_cast<int>(s); });
+    // A session whose frontend died may not say how many frames it read.
+    snapshot.num_frames_in +=
+        std::max(session.ended ? session.num_frames : session.info.num_frames, static_cast<int>(num_tracked));
   }
   return snapshot;
 }

@@ -53,7 +53,7 @@ struct Snapshot {
   const MapModel* model = nullptr;
   std::vector<SnapshotSubmap> submaps;        // ascending by number
   std::vector<SnapshotComponent> components;  // most frames first: components[0] is the main one
-  int num_frames_in = 0;                      // fed to all frontends
+  int num_frames_in = 0;                      // fed to all frontends; while a session lasts, what it expects
   int num_frames_tracked = 0;                 // distinct frames with a pose in any submap
 
   // Index into submaps, -1 without.
