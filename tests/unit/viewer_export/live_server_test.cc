@@ -19,9 +19,15 @@ class LiveServerTest : public ::testing::Test {
   LiveServerTest() : dir_(std::filesystem::temp_directory_path() / ("mapmend_live_" + std::to_string(getpid()))) {
     std::filesystem::create_directories(dir_);
     // A port that is free now: bound, read, and given back.
-    httplib::Server probe;
-    port_ = probe.bind_to_any_port("127.0.0.1");
-    probe.stop();
+    const int probe = socket(AF_INET, SOCK_STREAM, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof(address);
+    EXPECT_EQ(bind(probe, reinterpret_cast<sockaddr*>(&address), size), 0);
+    EXPECT_EQ(getsockname(probe, reinterpret_cast<sockaddr*>(&address), &size), 0);
+    port_ = ntohs(address.sin_port);
+    close(probe);
   }
   ~LiveServerTest() override { std::filesystem::remove_all(dir_); }
   std::filesystem::path dir_;
