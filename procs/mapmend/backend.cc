@@ -49,15 +49,18 @@ Backend::Backend(const BackendOptions& options)
   monitor_ = std::make_unique<HealthMonitor>(bus_.get());
   if (!plan.start_hub) RefuseSharedStore();
 
-  StartProcess("submap_store", {FindProgram("submap_store"), "--db", options_.out + "/map.db", "--vocabulary-hash", options_.vocabulary_hash},
-               OnExit::kRestart);
+  StartProcess(
+      "submap_store",
+      {FindProgram("submap_store"), "--db", options_.out + "/map.db", "--vocabulary-hash", options_.vocabulary_hash},
+      OnExit::kRestart);
   WaitUntilReady("submap_store");
   if (options_.with_merger) {
     std::vector<std::string> merger = {FindProgram("merger"), "--vocabulary", options_.vocabulary};
     if (options_.seed) merger.insert(merger.end(), {"--seed", std::to_string(*options_.seed)});
     StartProcess("merger", merger, OnExit::kRestart);
   }
-  std::vector<std::string> viewer = {FindProgram("viewer_export"), "--out", options_.out, "--port", std::to_string(options_.port)};
+  std::vector<std::string> viewer = {FindProgram("viewer_export"), "--out", options_.out, "--port",
+                                     std::to_string(options_.port)};
   if (!options_.groundtruth.empty()) viewer.insert(viewer.end(), {"--groundtruth", options_.groundtruth});
   StartProcess("viewer_export", viewer, OnExit::kRestart);
   if (options_.with_merger) WaitUntilReady("merger");
@@ -94,7 +97,8 @@ void Backend::RefuseSharedStore() {
     if (StopRequested()) throw Interrupted();
     bus_->Handle(100);
     if (monitor_->FindLatest("submap_store") != nullptr) {
-      throw std::runtime_error("another run uses " + url_ + " already: choose another --lcm-url, or a --channel-prefix of its own");
+      throw std::runtime_error("another run uses " + url_ +
+                               " already: choose another --lcm-url, or a --channel-prefix of its own");
     }
   }
 }
@@ -150,7 +154,8 @@ bool Backend::IsFinished(const std::string& session, int64_t last_seq) const {
   const HealthMonitor::Entry* viewer = Health("viewer_export");
   if (!done(merger) || !done(viewer)) return false;
   // The viewer may be done with an earlier revision when a flight is appended to a map.
-  return CounterOr(viewer, "revision", -1) >= CounterOr(merger, "revision", -1) || CounterOr(viewer, "revision", -1) < 0;
+  return CounterOr(viewer, "revision", -1) >= CounterOr(merger, "revision", -1) ||
+         CounterOr(viewer, "revision", -1) < 0;
 }
 
 std::vector<std::pair<std::string, ResourceUsage>> Backend::StopAll() {

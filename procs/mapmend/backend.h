@@ -18,22 +18,22 @@ struct Interrupted : std::exception {
 };
 
 struct BackendOptions {
-  std::string out;              // folder of results; holds map.db and logs/
+  std::string out;  // folder of results; holds map.db and logs/
   std::string vocabulary;
   std::string vocabulary_hash;
-  std::string groundtruth;      // empty: none
-  std::string lcm_url;          // empty: a private hub
+  std::string groundtruth;  // empty: none
+  std::string lcm_url;      // empty: a private hub
   std::string channel_prefix;
   std::string log_level = "info";
   std::optional<int> seed;
-  int port = 0;                 // of the live page, 0: none
+  int port = 0;  // of the live page, 0: none
   bool with_merger = true;
   int ready_timeout_ms = 60000;
   int silent_timeout_ms = 120000;  // a process whose health is silent for so long has hung
 };
 
-// The processes behind a camera or a log: hub, store, merger, viewer; started in this order, each when the one before is ready
-// (or has told why it cannot be), kept alive, and stopped in reverse order.
+// The processes behind a camera or a log: hub, store, merger, viewer; started in this order, each when the one before
+// is ready (or has told why it cannot be), kept alive, and stopped in reverse order.
 class Backend {
  public:
   // Returns once all are ready. Throws std::runtime_error with the line of the process that failed, or Interrupted.

@@ -17,7 +17,8 @@ namespace {
 
 enum class Listener { kNobody, kHub, kOther };
 
-// Connects and waits for the greeting of LCM's TCP service: 0x287617fa, big-endian, then its version (lcm/TCPService.java).
+// Connects and waits for the greeting of LCM's TCP service: 0x287617fa, big-endian, then its version
+// (lcm/TCPService.java).
 Listener Probe(const std::string& host, int port) {
   addrinfo hints{};
   hints.ai_family = AF_UNSPEC;
@@ -94,7 +95,8 @@ BusPlan PlanBus(const std::string& url) {
     case Listener::kNobody:
       break;
   }
-  if (!IsThisHost(host)) throw std::runtime_error("--lcm-url " + url + ": no hub answers there; start `mapmend hub` on that host");
+  if (!IsThisHost(host))
+    throw std::runtime_error("--lcm-url " + url + ": no hub answers there; start `mapmend hub` on that host");
   plan.start_hub = true;
   plan.hub_port = port;
   if (host != "localhost") plan.hub_bind = host;

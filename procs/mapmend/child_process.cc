@@ -18,7 +18,9 @@
 namespace mapmend {
 namespace {
 
-double Seconds(const timeval& time) { return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_usec) * 1e-6; }
+double Seconds(const timeval& time) {
+  return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_usec) * 1e-6;
+}
 
 // Runs in the child between fork and exec: only async-signal-safe calls.
 [[noreturn]] void ExecChild(char* const* argv, int input, int log, int failure_pipe, pid_t parent) {
@@ -95,8 +97,10 @@ std::optional<ExitStatus> ChildProcess::Poll() {
   if (result == 0) return std::nullopt;
   ExitStatus status;
   if (result == pid_) {
-    if (WIFSIGNALED(raw)) status.signal = WTERMSIG(raw);
-    else status.code = WEXITSTATUS(raw);
+    if (WIFSIGNALED(raw))
+      status.signal = WTERMSIG(raw);
+    else
+      status.code = WEXITSTATUS(raw);
     status.usage.cpu_s = Seconds(used.ru_utime) + Seconds(used.ru_stime);
     status.usage.peak_rss_mb = static_cast<double>(used.ru_maxrss) / 1024.0;  // ru_maxrss is in KiB
   } else {

@@ -7,12 +7,12 @@
 #include <vector>
 
 // One child process of the launcher. It runs in a process group of its own, so that Ctrl-C at the terminal reaches the
-// launcher only (which stops its children in order), and is sent SIGTERM by the kernel should the launcher die. Standard input is
-// /dev/null; standard output and error are appended to a log file.
+// launcher only (which stops its children in order), and is sent SIGTERM by the kernel should the launcher die.
+// Standard input is /dev/null; standard output and error are appended to a log file.
 namespace mapmend {
 
-// What a process has used, from wait4. The kernel counts the launcher's own pages between fork and exec as the child's, so that
-// peak_rss_mb of a small process is the launcher's own; the supervisor corrects that.
+// What a process has used, from wait4. The kernel counts the launcher's own pages between fork and exec as the child's,
+// so that peak_rss_mb of a small process is the launcher's own; the supervisor corrects that.
 struct ResourceUsage {
   double cpu_s = 0;
   double peak_rss_mb = 0;

@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-// The subcommands of `mapmend`. Each Add<X>Command (in <x>_command.cc) adds one subcommand with its options to app; its callback
-// runs after parsing, in the calling thread. A callback throws std::exception for an error (main prints one line and exits with 1)
-// or CLI::RuntimeError(code) to end with that exit code, having said why itself.
+// The subcommands of `mapmend`. Each Add<X>Command (in <x>_command.cc) adds one subcommand with its options to app; its
+// callback runs after parsing, in the calling thread. A callback throws std::exception for an error (main prints one
+// line and exits with 1) or CLI::RuntimeError(code) to end with that exit code, having said why itself.
 namespace mapmend {
 
 void AddEvalCommand(CLI::App* app);
@@ -20,10 +20,11 @@ void AddVocabCommand(CLI::App* app);
 void AddVocabRecallCommand(CLI::App* vocab);  // part of AddVocabCommand
 void AddHubCommand(CLI::App* app);
 
-// One `mapmend NAME ARGUMENTS...` that is another program, or a subcommand of one: executes it with the arguments as they are.
+// One `mapmend NAME ARGUMENTS...` that is another program, or a subcommand of one: executes it with the arguments as
+// they are.
 struct ForwardCommand {
   std::string name;
-  std::string program;       // found by FindProgram
+  std::string program;         // found by FindProgram
   std::string first_argument;  // put before the arguments unless empty
   std::string description;
 };

@@ -41,7 +41,8 @@ Finding CheckProcessor() {
   std::ifstream cpuinfo("/proc/cpuinfo");
   std::stringstream text;
   text << cpuinfo.rdbuf();
-  if (text.str().find(" popcnt") == std::string::npos) return Problem("the processor lacks popcnt (mapmend is built for x86-64-v2)");
+  if (text.str().find(" popcnt") == std::string::npos)
+    return Problem("the processor lacks popcnt (mapmend is built for x86-64-v2)");
   return Ok(std::to_string(sysconf(_SC_NPROCESSORS_ONLN)) + " cores");
 }
 
@@ -77,13 +78,14 @@ Finding CheckReceiveBuffer() {
   long bytes = 0;
   std::ifstream("/proc/sys/net/core/rmem_max") >> bytes;
   if (bytes >= 4194304) return Ok("udpm may have a receive buffer of " + std::to_string(bytes) + " bytes");
-  return Note("for udpm://, allow a receive buffer of 4 MB (sysctl -w net.core.rmem_max=4194304; now " + std::to_string(bytes) +
-              ") and add recv_buf_size=4194304 to the URL");
+  return Note("for udpm://, allow a receive buffer of 4 MB (sysctl -w net.core.rmem_max=4194304; now " +
+              std::to_string(bytes) + ") and add recv_buf_size=4194304 to the URL");
 }
 
 Finding CheckDisk(const std::string& folder) {
   struct statvfs disk {};
-  if (statvfs(folder.c_str(), &disk) != 0 || access(folder.c_str(), W_OK) != 0) return Problem(folder + " cannot be written");
+  if (statvfs(folder.c_str(), &disk) != 0 || access(folder.c_str(), W_OK) != 0)
+    return Problem(folder + " cannot be written");
   const double free_gb = static_cast<double>(disk.f_bavail) * static_cast<double>(disk.f_frsize) / 1e9;
   char text[64];
   std::snprintf(text, sizeof(text), ": %.1f GB free", free_gb);
@@ -124,7 +126,8 @@ void AddDoctorCommand(CLI::App* app) {
     healthy &= Examine("bus", [&] { return CheckBus(UrlFromOptionOrEnvironment(options->lcm_url)); });
     healthy &= Examine("multicast", CheckMulticast);
     healthy &= Examine("multicast", CheckReceiveBuffer);
-    healthy &= Examine("live page", [] { return Ok("port " + std::to_string(FreePort(8080, false, "--port").Port()) + " is free"); });
+    healthy &= Examine(
+        "live page", [] { return Ok("port " + std::to_string(FreePort(8080, false, "--port").Port()) + " is free"); });
     healthy &= Examine("disk", [&] { return CheckDisk(options->out); });
     healthy &= Examine("recorder", [] { return CheckTool("lcm-logger", "liblcm-bin", "--record"); });
     healthy &= Examine("spy", [] { return CheckTool("java", "default-jre", "mapmend spy"); });

@@ -18,9 +18,11 @@ std::string FinishRun(const std::string& out, const LauncherFigures& figures) {
   ChildProcess report({FindProgram("viewer_export"), "--report", out}, log);
   std::optional<ExitStatus> status;
   while (!(status = report.Poll())) std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  if (!status->Success()) throw std::runtime_error("cannot build the report: " + FindErrorLine(log, "viewer_export", 0));
+  if (!status->Success())
+    throw std::runtime_error("cannot build the report: " + FindErrorLine(log, "viewer_export", 0));
   const std::string folder = std::filesystem::absolute(out).lexically_normal().string();
-  return FormatSummaryTable(out) + "  report       " + folder + "/report.html\n  map          " + folder + "/map.db, map.ply, frames.tum";
+  return FormatSummaryTable(out) + "  report       " + folder + "/report.html\n  map          " + folder +
+         "/map.db, map.ply, frames.tum";
 }
 
 }  // namespace mapmend

@@ -10,12 +10,15 @@
 namespace mapmend {
 
 void AddHubCommand(CLI::App* app) {
-  CLI::App* command = app->add_subcommand("hub", "Exchange messages between processes over TCP (stands in for LCM's TCPService)");
+  CLI::App* command =
+      app->add_subcommand("hub", "Exchange messages between processes over TCP (stands in for LCM's TCPService)");
   const auto options = std::make_shared<HubOptions>();
   command->add_option("--port", options->port, "TCP port; 0 picks a free one")->capture_default_str();
-  command->add_option("--bind", options->bind, "address to listen on; 0.0.0.0 admits other hosts")->capture_default_str();
-  command->add_option("--backpressure-timeout", options->backpressure_timeout_ms,
-                      "milliseconds that publishers wait for a subscriber that does not read")
+  command->add_option("--bind", options->bind, "address to listen on; 0.0.0.0 admits other hosts")
+      ->capture_default_str();
+  command
+      ->add_option("--backpressure-timeout", options->backpressure_timeout_ms,
+                   "milliseconds that publishers wait for a subscriber that does not read")
       ->capture_default_str();
   command->callback([options] {
     InstallSignalHandlers();
@@ -23,8 +26,8 @@ void AddHubCommand(CLI::App* app) {
     std::cout << "hub listening on tcpq://" << options->bind << ":" << hub.Port() << std::endl;
     while (!StopRequested()) hub.Spin(200);
     const Hub::Statistics statistics = hub.GetStatistics();
-    spdlog::info("hub: {} messages, {} best-effort dropped, {} dropped for stalled subscribers", statistics.num_messages,
-                 statistics.num_dropped, statistics.num_dropped_reliable);
+    spdlog::info("hub: {} messages, {} best-effort dropped, {} dropped for stalled subscribers",
+                 statistics.num_messages, statistics.num_dropped, statistics.num_dropped_reliable);
   });
 }
 

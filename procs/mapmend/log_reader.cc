@@ -10,7 +10,8 @@
 namespace mapmend {
 namespace {
 
-constexpr const char* kStreamChannels[] = {channels::kSession, channels::kSubmap, channels::kKeyframe, channels::kMapUpdate};
+constexpr const char* kStreamChannels[] = {channels::kSession, channels::kSubmap, channels::kKeyframe,
+                                           channels::kMapUpdate};
 
 // The channel without the prefix of the run; empty if it is none of the stream's.
 std::string StreamChannel(const std::string& recorded) {
@@ -33,7 +34,8 @@ bool LooksLikeLog(const std::string& path) {
 LogReader::LogReader(const std::string& path) : path_(path) {
   std::error_code error;
   if (!std::filesystem::exists(path, error)) throw std::runtime_error("log " + path + " does not exist");
-  if (!std::ifstream(path) || std::filesystem::is_directory(path, error)) throw std::runtime_error("log " + path + " cannot be read");
+  if (!std::ifstream(path) || std::filesystem::is_directory(path, error))
+    throw std::runtime_error("log " + path + " cannot be read");
   if (!LooksLikeLog(path)) throw std::runtime_error("log " + path + " is not an LCM log");
   log_ = std::make_unique<lcm::LogFile>(path, "r");
   if (!log_->good()) throw std::runtime_error("log " + path + " cannot be read");
@@ -75,10 +77,12 @@ bool LogReader::ReadEvent() {
     session.early.emplace(header.seq, std::move(encoded));
   } else if (header.seq == session.next_seq) {
     Deliver(encoded, *decoded.record, &session);
-    for (auto next = session.early.begin(); next != session.early.end() && next->first == session.next_seq; next = session.early.begin()) {
+    for (auto next = session.early.begin(); next != session.early.end() && next->first == session.next_seq;
+         next = session.early.begin()) {
       const EncodedRecord early = std::move(next->second);
       session.early.erase(next);
-      Deliver(early, *DecodeRecord(early.channel, early.data.data(), static_cast<int>(early.data.size())).record, &session);
+      Deliver(early, *DecodeRecord(early.channel, early.data.data(), static_cast<int>(early.data.size())).record,
+              &session);
     }
   }
   return true;
@@ -111,11 +115,14 @@ void LogReader::CloseIncomplete() {
       continue;
     }
     complaints_.push_back("session " + id + " breaks off after record " + std::to_string(session.next_seq - 1) +
-                          (session.early.empty() ? "" : ": the log lacks the next one, " + std::to_string(session.early.size()) +
-                                                            " later ones are of no use without it"));
+                          (session.early.empty()
+                               ? ""
+                               : ": the log lacks the next one, " + std::to_string(session.early.size()) +
+                                     " later ones are of no use without it"));
     std::vector<RecordBody> closing;
     if (session.open_submap.IsValid()) {
-      closing.push_back(SubmapEnded{session.open_submap, "end_of_input", "the recording ends here", session.last_frame, session.last_utime});
+      closing.push_back(SubmapEnded{session.open_submap, "end_of_input", "the recording ends here", session.last_frame,
+                                    session.last_utime});
     }
     closing.push_back(SessionEnded{session.last_frame + 1});
     for (RecordBody& body : closing) {

@@ -17,11 +17,11 @@ class LogFile;
 
 namespace mapmend {
 
-// The stream out of a recording by lcm-logger: the records of every session once and in seq order, whatever was recorded twice,
-// out of order or besides (acks, health, what other processes derived). Needs no bus.
+// The stream out of a recording by lcm-logger: the records of every session once and in seq order, whatever was
+// recorded twice, out of order or besides (acks, health, what other processes derived). Needs no bus.
 //
-// A session that the recording does not show to its end (the recorder was stopped, or a record is missing) is closed: the
-// submap that is open is ended, then the session, with records made here, so that it can be mapped up to there.
+// A session that the recording does not show to its end (the recorder was stopped, or a record is missing) is closed:
+// the submap that is open is ended, then the session, with records made here, so that it can be mapped up to there.
 class LogReader {
  public:
   // Throws std::runtime_error naming the file if it cannot be read, is no LCM log or holds no session of mapmend.

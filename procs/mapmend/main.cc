@@ -6,7 +6,8 @@
 #include "procs/mapmend/commands.h"
 
 int main(int argc, char** argv) {
-  CLI::App app("mapmend mends broken visual SLAM maps: submaps, an undirected connected graph, one merged map.", "mapmend");
+  CLI::App app("mapmend mends broken visual SLAM maps: submaps, an undirected connected graph, one merged map.",
+               "mapmend");
   app.set_version_flag("--version", std::string("mapmend ") + MAPMEND_VERSION);
   app.require_subcommand(1);
   app.footer("`mapmend COMMAND --help` tells more.");

@@ -22,9 +22,10 @@ namespace {
 namespace fs = std::filesystem;
 
 // Everything a run writes into its folder.
-constexpr const char* kResults[] = {"map.db",     "map.db-wal", "map.db-shm", "map.ply",        "frames.tum",   "keyframes.tum",
-                                    "components", "submaps",    "graph.dot",  "graph.svg",      "report.html",  "summary.json",
-                                    "logs",       "outbox",     "colmap",     "trajectory.svg"};
+constexpr const char* kResults[] = {"map.db",     "map.db-wal",    "map.db-shm",  "map.ply",
+                                    "frames.tum", "keyframes.tum", "components",  "submaps",
+                                    "graph.dot",  "graph.svg",     "report.html", "summary.json",
+                                    "logs",       "outbox",        "colmap",      "trajectory.svg"};
 
 bool IsFree(int port) {
   const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -40,8 +41,8 @@ bool IsFree(int port) {
   return free;
 }
 
-// A name in the kernel's list of abstract sockets that only one process at a time can hold: between the moment a run finds a port
-// free and the moment its server listens there, no other run must find it free. -1 if it is held.
+// A name in the kernel's list of abstract sockets that only one process at a time can hold: between the moment a run
+// finds a port free and the moment its server listens there, no other run must find it free. -1 if it is held.
 int Claim(int port) {
   const int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (fd < 0) return -1;
@@ -82,8 +83,10 @@ OutFolder::OutFolder(const std::string& path, bool overwrite, bool append) {
   }
   try {
     if (fs::exists(fs::path(path) / "map.db", error) && !overwrite && !append) {
-      throw std::runtime_error(path + " already holds a map.db: give another --out, --overwrite to replace it, or --append to map "
-                                      "this flight into it");
+      throw std::runtime_error(
+          path +
+          " already holds a map.db: give another --out, --overwrite to replace it, or --append to map "
+          "this flight into it");
     }
     if (!append) RemoveResults(path);
     fs::create_directories(fs::path(path) / "logs", error);
@@ -97,7 +100,8 @@ OutFolder::OutFolder(const std::string& path, bool overwrite, bool append) {
 OutFolder::~OutFolder() { close(fd_); }
 
 FreePort::FreePort(int first, bool only, const std::string& option) {
-  if (first < 1 || first > 65535) throw std::runtime_error(option + " " + std::to_string(first) + ": ports are 1 to 65535");
+  if (first < 1 || first > 65535)
+    throw std::runtime_error(option + " " + std::to_string(first) + ": ports are 1 to 65535");
   for (int port = first; port <= (only ? first : std::min(65535, first + 99)); ++port) {
     claim_ = Claim(port);
     if (claim_ >= 0 && IsFree(port)) {
@@ -106,7 +110,8 @@ FreePort::FreePort(int first, bool only, const std::string& option) {
     }
     if (claim_ >= 0) close(claim_);
   }
-  throw std::runtime_error(only ? option + " " + std::to_string(first) + ": the port is in use by another program; choose another"
+  throw std::runtime_error(only ? option + " " + std::to_string(first) +
+                                      ": the port is in use by another program; choose another"
                                 : "no free port from " + std::to_string(first) + " on; choose one with " + option);
 }
 

@@ -7,8 +7,9 @@ namespace mapmend {
 // The folder of results of one run, held by a lock for as long as this object lives.
 class OutFolder {
  public:
-  // Makes the folder. An earlier map.db in it is refused unless overwrite or append is set; overwrite removes what an earlier run
-  // has written there, and nothing else. Throws std::runtime_error with one line: not writable, in use by another run, not empty.
+  // Makes the folder. An earlier map.db in it is refused unless overwrite or append is set; overwrite removes what an
+  // earlier run has written there, and nothing else. Throws std::runtime_error with one line: not writable, in use by
+  // another run, not empty.
   OutFolder(const std::string& path, bool overwrite, bool append);
   ~OutFolder();
   OutFolder(const OutFolder&) = delete;
@@ -21,7 +22,8 @@ class OutFolder {
 // A port of this host on which nobody listens, kept from other runs that look for one as long as this object lives.
 class FreePort {
  public:
-  // From first on; with `only`, first or nothing. Throws std::runtime_error naming the port and the option if there is none.
+  // From first on; with `only`, first or nothing. Throws std::runtime_error naming the port and the option if there is
+  // none.
   FreePort(int first, bool only, const std::string& option);
   ~FreePort();
   FreePort(const FreePort&) = delete;

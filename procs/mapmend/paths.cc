@@ -16,7 +16,8 @@ std::string FindProgram(const std::string& name) {
     if (access(path.c_str(), X_OK) == 0 && fs::is_regular_file(path)) return path.lexically_normal().string();
   }
   throw std::runtime_error("program " + name + " is missing: it is neither in " + folder.string() + " nor in " +
-                           (folder / "../libexec/mapmend").lexically_normal().string() + "; build or install mapmend again");
+                           (folder / "../libexec/mapmend").lexically_normal().string() +
+                           "; build or install mapmend again");
 }
 
 std::string FindData(const std::string& name) {

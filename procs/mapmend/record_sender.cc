@@ -57,7 +57,9 @@ void RecordSender::Tick() {
     state.session = id;
     state.first = session.pending.empty() ? session.last + 1 : session.pending.front().record.seq;
     state.last = session.last;
-    state.utime = std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+    state.utime =
+        std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch())
+            .count();
     state.ended = false;
     bus_->Publish(channels::kStreamState, state);
   }

@@ -11,8 +11,8 @@
 
 namespace mapmend {
 
-// The sending end of the reliable stream for records that exist already (a recording): same window, acks, heartbeats and
-// repetition as a frontend's, but the numbers are the records' own. One thread: the caller runs the bus's Handle.
+// The sending end of the reliable stream for records that exist already (a recording): same window, acks, heartbeats
+// and repetition as a frontend's, but the numbers are the records' own. One thread: the caller runs the bus's Handle.
 class RecordSender {
  public:
   explicit RecordSender(Bus* bus);  // subscribes to the acks

@@ -39,24 +39,28 @@ std::string FindOnPath(const std::string& name) {
 }
 
 std::string CheckRecordFolder(const std::string& folder, bool overwrite) {
-  if (FindOnPath("lcm-logger").empty()) throw std::runtime_error("--record needs lcm-logger: install the package liblcm-bin");
+  if (FindOnPath("lcm-logger").empty())
+    throw std::runtime_error("--record needs lcm-logger: install the package liblcm-bin");
   std::error_code error;
   fs::create_directories(folder, error);
   if (error || access(folder.c_str(), W_OK) != 0) {
     throw std::runtime_error("cannot write to --record " + folder + (error ? ": " + error.message() : ""));
   }
   const std::string path = folder + "/mapmend.lcmlog";
-  if (fs::exists(path) && !overwrite) throw std::runtime_error(path + " exists already: record into another folder, or give --overwrite");
+  if (fs::exists(path) && !overwrite)
+    throw std::runtime_error(path + " exists already: record into another folder, or give --overwrite");
   fs::remove(path, error);
   return path;
 }
 
 Recorder::Recorder(Backend* backend, const std::string& path, const std::string& channel_prefix) : backend_(backend) {
-  // The short form -l of the URL option is refused by lcm-logger 1.3.1; -m: nothing is dropped before a gigabyte waits for the disk.
-  backend_->supervisor()->Start({"lcm-logger",
-                                 {FindOnPath("lcm-logger"), "--lcm-url=" + backend_->Url(), "--channel=" + ChannelPattern(channel_prefix),
-                                  "--quiet", "--flush-interval=50", "--max-unwritten-mb=1000", path},
-                                 OnExit::kReport});
+  // The short form -l of the URL option is refused by lcm-logger 1.3.1; -m: nothing is dropped before a gigabyte waits
+  // for the disk.
+  backend_->supervisor()->Start(
+      {"lcm-logger",
+       {FindOnPath("lcm-logger"), "--lcm-url=" + backend_->Url(), "--channel=" + ChannelPattern(channel_prefix),
+        "--quiet", "--flush-interval=50", "--max-unwritten-mb=1000", path},
+       OnExit::kReport});
   const auto deadline = Clock::now() + milliseconds(10000);
   std::error_code error;
   while (!(fs::file_size(path, error) > 0) || error) {
@@ -64,7 +68,8 @@ Recorder::Recorder(Backend* backend, const std::string& path, const std::string&
     if (backend_->supervisor()->Status("lcm-logger")) {
       throw std::runtime_error("cannot record: " + backend_->supervisor()->ErrorLine("lcm-logger"));
     }
-    if (Clock::now() > deadline) throw std::runtime_error("cannot record: lcm-logger hears nothing on " + backend_->Url());
+    if (Clock::now() > deadline)
+      throw std::runtime_error("cannot record: lcm-logger hears nothing on " + backend_->Url());
   }
 }
 

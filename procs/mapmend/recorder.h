@@ -6,12 +6,12 @@
 
 namespace mapmend {
 
-// lcm-logger beside a run. Its file, FOLDER/mapmend.lcmlog, holds everything that was said on mapmend's channels, the stream
-// among it; `mapmend replay` maps from it.
+// lcm-logger beside a run. Its file, FOLDER/mapmend.lcmlog, holds everything that was said on mapmend's channels, the
+// stream among it; `mapmend replay` maps from it.
 class Recorder {
  public:
-  // Starts lcm-logger on a path that CheckRecordFolder gave and waits until it has written its first message, so that it misses
-  // nothing of what follows. Throws std::runtime_error with one line if it does not record.
+  // Starts lcm-logger on a path that CheckRecordFolder gave and waits until it has written its first message, so that
+  // it misses nothing of what follows. Throws std::runtime_error with one line if it does not record.
   Recorder(Backend* backend, const std::string& path, const std::string& channel_prefix);
   // Stops it after it has had the time to write all that was said so far.
   void Finish();
@@ -20,8 +20,8 @@ class Recorder {
   Backend* backend_;
 };
 
-// Checks that lcm-logger is there and FOLDER can hold a recording; makes the folder, removes an old recording if overwrite is
-// set. Returns the recording's path. Throws std::runtime_error with one line.
+// Checks that lcm-logger is there and FOLDER can hold a recording; makes the folder, removes an old recording if
+// overwrite is set. Returns the recording's path. Throws std::runtime_error with one line.
 std::string CheckRecordFolder(const std::string& folder, bool overwrite);
 
 // Full path of a program on PATH; empty if there is none.

@@ -46,7 +46,8 @@ void SendAll(LogReader* log, Backend* backend, Progress* progress) {
     }
     sender.Tick();
     backend->Tick(sender.AllAcknowledged() ? 0 : 10);
-    progress->Show(std::to_string(num_sent) + " records sent" + (sender.StoreError().empty() ? "" : "; store: " + sender.StoreError()));
+    progress->Show(std::to_string(num_sent) + " records sent" +
+                   (sender.StoreError().empty() ? "" : "; store: " + sender.StoreError()));
   }
 }
 
@@ -65,8 +66,8 @@ int Replay(ReplayOptions options) {
   LogReader log(options.log);
   const std::string hash = Vocabulary::Read(options.vocabulary).Hash();
   if (!log.VocabularyHash().empty() && log.VocabularyHash() != hash) {
-    throw std::runtime_error("log " + options.log + " was recorded with the vocabulary " + log.VocabularyHash() + ", " + options.vocabulary +
-                             " is " + hash + ": give the right one with --vocabulary");
+    throw std::runtime_error("log " + options.log + " was recorded with the vocabulary " + log.VocabularyHash() + ", " +
+                             options.vocabulary + " is " + hash + ": give the right one with --vocabulary");
   }
   std::unique_ptr<FreePort> page;  // none with --port 0
   if (options.port != 0) page = std::make_unique<FreePort>(options.port, true, "--port");
@@ -107,22 +108,28 @@ int Replay(ReplayOptions options) {
 }  // namespace
 
 void AddReplayCommand(CLI::App* app) {
-  CLI::App* sub = app->add_subcommand("replay", "Map from a recording of `mapmend run --record`: the same map without the camera");
+  CLI::App* sub =
+      app->add_subcommand("replay", "Map from a recording of `mapmend run --record`: the same map without the camera");
   const auto options = std::make_shared<ReplayOptions>();
   sub->add_option("LOG", options->log, "event log of lcm-logger")->required();
   sub->add_option("--out", options->out, "folder of the results")->required();
   sub->add_flag("--overwrite", options->overwrite, "replace the results of an earlier run in --out");
-  sub->add_option("--vocabulary", options->vocabulary, "the one that the recording was made with (default: mapmend's own)");
+  sub->add_option("--vocabulary", options->vocabulary,
+                  "the one that the recording was made with (default: mapmend's own)");
   sub->add_option("--groundtruth", options->groundtruth, "TUM file; the report then tells the accuracy");
   sub->add_option("--seed", options->seed, "of everything random; take that of the recorded run for the same map");
   sub->add_option("--port", options->port, "of the live page, 0: none")->capture_default_str();
-  sub->add_option("--lcm-url", options->lcm_url, "LCM network (default: $LCM_DEFAULT_URL, else a private hub on a free port)");
-  sub->add_option("--channel-prefix", options->channel_prefix, "put before every channel name, so that runs can share a bus");
+  sub->add_option("--lcm-url", options->lcm_url,
+                  "LCM network (default: $LCM_DEFAULT_URL, else a private hub on a free port)");
+  sub->add_option("--channel-prefix", options->channel_prefix,
+                  "put before every channel name, so that runs can share a bus");
   sub->add_option("--log-level", options->log_level, "of the log files in OUT/logs: debug, info, warn or error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
       ->capture_default_str();
-  sub->footer("Exit codes: 0 done; 1 an error, told in one line; 3 the recording is not complete (what it holds is mapped); 130\n"
-              "interrupted.");
+  sub->footer(
+      "Exit codes: 0 done; 1 an error, told in one line; 3 the recording is not complete (what it holds is mapped); "
+      "130\n"
+      "interrupted.");
   sub->callback([options] {
     options->lcm_url = UrlFromOptionOrEnvironment(options->lcm_url);
     const int code = Replay(*options);

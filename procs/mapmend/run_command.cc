@@ -9,32 +9,41 @@ namespace mapmend {
 void AddRunCommand(CLI::App* app) {
   CLI::App* sub = app->add_subcommand("run", "Map one flight: a video or a folder of images becomes one merged map");
   const auto options = std::make_shared<RunOptions>();
-  sub->add_option("INPUT", options->input, "video file, or folder of images taken in the order of their names")->required();
-  sub->add_option("--camera", options->camera, "calibration: ORB-SLAM, Kalibr, OpenCV or COLMAP format (default: camera.yaml beside INPUT)");
-  sub->add_option("--times", options->times,
-                  "one time in seconds per line and frame (default: times.txt beside INPUT, else the video's own times)");
+  sub->add_option("INPUT", options->input, "video file, or folder of images taken in the order of their names")
+      ->required();
+  sub->add_option("--camera", options->camera,
+                  "calibration: ORB-SLAM, Kalibr, OpenCV or COLMAP format (default: camera.yaml beside INPUT)");
+  sub->add_option(
+      "--times", options->times,
+      "one time in seconds per line and frame (default: times.txt beside INPUT, else the video's own times)");
   sub->add_option("--out", options->out, "folder of the results (default: ./mapmend-<name of INPUT>)");
   sub->add_flag("--overwrite", options->overwrite, "replace the results of an earlier run in --out");
   sub->add_flag("--append", options->append, "map this flight into the map that is already in --out");
   sub->add_option("--vocabulary", options->vocabulary, "mapmend's format or DBoW2 text (default: mapmend's own)");
   sub->add_option("--groundtruth", options->groundtruth, "TUM file; the report then tells the accuracy");
-  sub->add_option("--skip-frames", options->skip_frames, "frames to leave out, to simulate interruptions, e.g. 80-120,200-240");
+  sub->add_option("--skip-frames", options->skip_frames,
+                  "frames to leave out, to simulate interruptions, e.g. 80-120,200-240");
   sub->add_option("--features", options->features, "features per frame (default: the frontend's)");
-  sub->add_option("--max-dimension", options->max_dimension, "larger images are scaled down to this width or height, pixels; 0: never");
+  sub->add_option("--max-dimension", options->max_dimension,
+                  "larger images are scaled down to this width or height, pixels; 0: never");
   sub->add_option("--seed", options->seed, "of everything random; the same seed gives the same map");
   sub->add_option("--record", options->record, "folder: lcm-logger writes mapmend.lcmlog there, for `mapmend replay`");
   sub->add_option("--port", options->port, "of the live page, 0: none (default: a free one from 8080 on)");
   sub->add_option("--vehicle", options->vehicle, "name of the camera's carrier, for the report");
   sub->add_option("--session", options->session, "id of this flight in the map, a UUID (default: a new one)");
   sub->add_option("--lcm-url", options->lcm_url,
-                  "LCM network, e.g. tcpq://127.0.0.1:7700; a hub is started there unless one runs (default: $LCM_DEFAULT_URL, else a "
+                  "LCM network, e.g. tcpq://127.0.0.1:7700; a hub is started there unless one runs (default: "
+                  "$LCM_DEFAULT_URL, else a "
                   "private hub on a free port)");
-  sub->add_option("--channel-prefix", options->channel_prefix, "put before every channel name, so that runs can share a bus");
+  sub->add_option("--channel-prefix", options->channel_prefix,
+                  "put before every channel name, so that runs can share a bus");
   sub->add_option("--log-level", options->log_level, "of the log files in OUT/logs: debug, info, warn or error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
       ->capture_default_str();
-  sub->footer("Exit codes: 0 done; 1 an error, told in one line; 3 INPUT ends early (what could be read is mapped); 130 interrupted\n"
-              "(map.db holds what was mapped so far).");
+  sub->footer(
+      "Exit codes: 0 done; 1 an error, told in one line; 3 INPUT ends early (what could be read is mapped); 130 "
+      "interrupted\n"
+      "(map.db holds what was mapped so far).");
   sub->callback([options] {
     options->lcm_url = UrlFromOptionOrEnvironment(options->lcm_url);
     const int code = RunFlight(CheckRunInputs(*options));

@@ -24,14 +24,15 @@ using Clock = std::chrono::steady_clock;
 std::string NewSession() {
   std::ifstream file("/proc/sys/kernel/random/uuid");
   std::string uuid;
-  if (!(file >> uuid)) throw std::runtime_error("cannot make a session id: /proc/sys/kernel/random/uuid cannot be read");
+  if (!(file >> uuid))
+    throw std::runtime_error("cannot make a session id: /proc/sys/kernel/random/uuid cannot be read");
   return uuid;
 }
 
 std::vector<std::string> FrontendArguments(const RunOptions& options, const std::string& session) {
-  std::vector<std::string> argv = {FindProgram("frontend"), options.input,     "--camera",  options.camera,
-                                   "--vocabulary",          options.vocabulary, "--session", session,
-                                   "--outbox",              options.out + "/outbox"};
+  std::vector<std::string> argv = {
+      FindProgram("frontend"), options.input, "--camera", options.camera, "--vocabulary",
+      options.vocabulary,      "--session",   session,    "--outbox",     options.out + "/outbox"};
   const auto add = [&](const char* name, const std::string& value) {
     if (!value.empty()) argv.insert(argv.end(), {name, value});
   };
@@ -68,7 +69,8 @@ int RunFlight(const RunInputs& inputs) {
   const auto start = Clock::now();
   InstallSignalHandlers();
   std::unique_ptr<FreePort> page;  // none with --port 0
-  if (options.port.value_or(1) != 0) page = std::make_unique<FreePort>(options.port.value_or(8080), options.port.has_value(), "--port");
+  if (options.port.value_or(1) != 0)
+    page = std::make_unique<FreePort>(options.port.value_or(8080), options.port.has_value(), "--port");
   const int port = page ? page->Port() : 0;
   const OutFolder out_folder(options.out, options.overwrite, options.append);
   const std::string recording = options.record.empty() ? "" : CheckRecordFolder(options.record, options.overwrite);
@@ -113,7 +115,9 @@ int RunFlight(const RunInputs& inputs) {
       if (complaint.empty() || status.signal != 0) complaint = "frontend ended with " + status.Describe();
     }
     if (!status.Success() && !cut_short) {
-      const auto rescued = CounterOr(&frontend, "frames", 0) > 0 ? RescueSession(&backend, session, options.out + "/outbox") : std::nullopt;
+      const auto rescued = CounterOr(&frontend, "frames", 0) > 0
+                               ? RescueSession(&backend, session, options.out + "/outbox")
+                               : std::nullopt;
       if (!rescued) throw std::runtime_error(complaint);
       last_seq = *rescued;
       progress.Say(complaint + "; mapping what it has seen");
@@ -121,15 +125,17 @@ int RunFlight(const RunInputs& inputs) {
     while (!backend.IsFinished(session, last_seq)) {
       const auto* merger = backend.Health("merger");
       char text[100];
-      std::snprintf(text, sizeof(text), "merging: %.0f connections, %.0f in use, %.0f components", CounterOr(merger, "connections", 0),
-                    CounterOr(merger, "edges_accepted", 0), CounterOr(merger, "components", 0));
+      std::snprintf(text, sizeof(text), "merging: %.0f connections, %.0f in use, %.0f components",
+                    CounterOr(merger, "connections", 0), CounterOr(merger, "edges_accepted", 0),
+                    CounterOr(merger, "components", 0));
       progress.Show(text);
       backend.Tick(50);
     }
     if (recorder) recorder->Finish();
 
     LauncherFigures figures;
-    if (frontend.counters.contains("track_ms_median")) figures.track_ms_median = frontend.counters.at("track_ms_median");
+    if (frontend.counters.contains("track_ms_median"))
+      figures.track_ms_median = frontend.counters.at("track_ms_median");
     if (frontend.counters.contains("track_ms_p95")) figures.track_ms_p95 = frontend.counters.at("track_ms_p95");
     figures.processes = backend.StopAll();
     figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();

@@ -5,11 +5,11 @@
 namespace mapmend {
 
 // Exit codes of `mapmend run` and `mapmend replay` besides 0 and 1 (an error; nothing was mapped, or not to the end).
-inline constexpr int kExitInputCutShort = 3;   // the input ends early; what could be read is mapped to the end
-inline constexpr int kExitInterrupted = 130;   // Ctrl-C or SIGTERM; map.db holds what was mapped so far
+inline constexpr int kExitInputCutShort = 3;  // the input ends early; what could be read is mapped to the end
+inline constexpr int kExitInterrupted = 130;  // Ctrl-C or SIGTERM; map.db holds what was mapped so far
 
-// Maps one flight: prepares the folder, starts the processes, follows them, exports, prints the summary. Returns the exit code;
-// throws std::runtime_error with one line for an error.
+// Maps one flight: prepares the folder, starts the processes, follows them, exports, prints the summary. Returns the
+// exit code; throws std::runtime_error with one line for an error.
 int RunFlight(const RunInputs& inputs);
 
 }  // namespace mapmend

@@ -31,7 +31,8 @@ void RequireReadableFile(const std::string& path, const std::string& what) {
 
 // Number of images in a folder, by the endings that OpenCV reads.
 int CountImages(const std::string& folder) {
-  static const std::set<std::string> kEndings = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"};
+  static const std::set<std::string> kEndings = {".jpg",  ".jpeg", ".png", ".bmp", ".tif",
+                                                 ".tiff", ".pgm",  ".ppm", ".webp"};
   int count = 0;
   std::error_code error;
   fs::directory_iterator entries(folder, error);
@@ -50,7 +51,9 @@ int ProbeVideo(const std::string& path) {
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   cv::VideoCapture video(path, cv::CAP_FFMPEG);
-  if (!video.isOpened()) Fail("input " + path + " cannot be opened as a video: unknown format, or cut short (an mp4 has its index at its end)");
+  if (!video.isOpened())
+    Fail("input " + path +
+         " cannot be opened as a video: unknown format, or cut short (an mp4 has its index at its end)");
   if (!video.grab()) Fail("input " + path + ": the video holds no frame that can be decoded");
   const double count = video.get(cv::CAP_PROP_FRAME_COUNT);
   return std::isfinite(count) && count > 0 && count < 1e9 ? static_cast<int>(count) : 0;
@@ -127,7 +130,8 @@ RunInputs CheckRunInputs(const RunOptions& given) {
   const fs::path beside = is_folder ? input : input.parent_path();
   if (options.camera.empty()) {
     const fs::path path = beside / "camera.yaml";
-    if (!fs::exists(path, error)) Fail("no camera file: give one with --camera (there is no camera.yaml beside the input either)");
+    if (!fs::exists(path, error))
+      Fail("no camera file: give one with --camera (there is no camera.yaml beside the input either)");
     options.camera = path.string();
     inputs.notes.push_back("camera " + options.camera + " (found beside the input)");
   }
@@ -152,7 +156,8 @@ RunInputs CheckRunInputs(const RunOptions& given) {
     RequireReadableFile(options.groundtruth, "ground truth");
     if (ReadTrajectory(options.groundtruth).empty()) Fail("ground truth " + options.groundtruth + " holds no pose");
   }
-  if (options.features && *options.features < 100) Fail("--features " + std::to_string(*options.features) + ": at least 100");
+  if (options.features && *options.features < 100)
+    Fail("--features " + std::to_string(*options.features) + ": at least 100");
   if (options.max_dimension && *options.max_dimension < 0) Fail("--max-dimension must not be negative");
   if (options.overwrite && options.append) Fail("--overwrite and --append exclude each other");
   CheckVocabulary(&inputs);

@@ -18,19 +18,19 @@ struct RunOptions {
   std::string skip_frames;  // e.g. 80-120,200-240
   std::string session;      // UUID; empty: a new one
   std::string vehicle;
-  std::string lcm_url;      // empty: LCM_DEFAULT_URL, else a private hub on a free port
+  std::string lcm_url;  // empty: LCM_DEFAULT_URL, else a private hub on a free port
   std::string channel_prefix;
   std::string log_level = "info";
   std::optional<int> seed, features, max_dimension;  // unset: the processes' own defaults
-  std::optional<int> port;  // of the live page; unset: a free one from 8080 on; 0: no page
-  bool overwrite = false;   // replace the results of an earlier run in out
-  bool append = false;      // map this flight into the map that is already in out
+  std::optional<int> port;                           // of the live page; unset: a free one from 8080 on; 0: no page
+  bool overwrite = false;                            // replace the results of an earlier run in out
+  bool append = false;                               // map this flight into the map that is already in out
 };
 
 struct RunInputs {
-  RunOptions options;             // with every default filled in
+  RunOptions options;  // with every default filled in
   std::string vocabulary_hash;
-  int num_frames = 0;             // of the input; 0 if the video does not say
+  int num_frames = 0;              // of the input; 0 if the video does not say
   std::vector<std::string> notes;  // lines for the user, e.g. which camera file was taken
 };
 

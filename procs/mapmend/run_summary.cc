@@ -77,21 +77,24 @@ std::string FormatSummaryTable(const std::string& out) {
     if (connection.value("verdict", "") == "accepted") ++accepted;
   }
   row("connections", Format("%d accepted of %zu evaluated", accepted, Size(summary, "connections")));
-  row("keyframes", Format("%d of %d in the main map, %d points", Count(summary, "keyframes_in_main"), Count(summary, "keyframes_total"),
-                          Count(summary, "points_in_main")));
+  row("keyframes", Format("%d of %d in the main map, %d points", Count(summary, "keyframes_in_main"),
+                          Count(summary, "keyframes_total"), Count(summary, "points_in_main")));
   if (summary.contains("ate_rmse_m")) {
-    row("accuracy", Format("%.3f m ATE RMSE against the ground truth (median %.3f, max %.3f)", Number(summary, "ate_rmse_m"),
-                           Number(summary, "ate_median_m"), Number(summary, "ate_max_m")));
+    row("accuracy",
+        Format("%.3f m ATE RMSE against the ground truth (median %.3f, max %.3f)", Number(summary, "ate_rmse_m"),
+               Number(summary, "ate_median_m"), Number(summary, "ate_max_m")));
   }
   const double wall = Number(summary, "wall_s");
   std::string time = FormatDuration(wall) + Format(" (%.1f frames/s)", wall > 0 ? frames / wall : 0.0);
   const Json frontend = summary.value("frontend", Json::object());
   if (frontend.contains("track_ms_median")) {
-    time += Format(", tracking %.1f ms a frame (p95 %.1f)", Number(frontend, "track_ms_median"), Number(frontend, "track_ms_p95"));
+    time += Format(", tracking %.1f ms a frame (p95 %.1f)", Number(frontend, "track_ms_median"),
+                   Number(frontend, "track_ms_p95"));
   }
   row("time", time);
   for (const Json& process : summary.value("processes", Json::array())) {
-    row(process.value("name", "").c_str(), Format("%7.1f CPU s %7.0f MB", Number(process, "cpu_s"), Number(process, "peak_rss_mb")));
+    row(process.value("name", "").c_str(),
+        Format("%7.1f CPU s %7.0f MB", Number(process, "cpu_s"), Number(process, "peak_rss_mb")));
   }
   return table;
 }

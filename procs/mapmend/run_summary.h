@@ -16,8 +16,8 @@ struct LauncherFigures {
   std::vector<std::pair<std::string, ResourceUsage>> processes;
 };
 
-// Adds wall_s, frontend {track_ms_median, track_ms_p95} and processes [] to OUT/summary.json. Throws std::runtime_error if the
-// file is missing or no JSON object.
+// Adds wall_s, frontend {track_ms_median, track_ms_p95} and processes [] to OUT/summary.json. Throws std::runtime_error
+// if the file is missing or no JSON object.
 void CompleteSummary(const std::string& out, const LauncherFigures& figures);
 
 // The table for the terminal, from OUT/summary.json. Throws as CompleteSummary does.

@@ -16,18 +16,22 @@ namespace mapmend {
 namespace {
 
 std::string RequireJar(const std::string& path, const std::string& package) {
-  if (access(path.c_str(), R_OK) != 0) throw std::runtime_error("lcm-spy needs " + path + ": install the package " + package);
+  if (access(path.c_str(), R_OK) != 0)
+    throw std::runtime_error("lcm-spy needs " + path + ": install the package " + package);
   return path;
 }
 
-// The script lcm-spy does not start as Debian ships it (a removed JVM flag, a missing library): the class is started directly.
+// The script lcm-spy does not start as Debian ships it (a removed JVM flag, a missing library): the class is started
+// directly.
 [[noreturn]] void ExecSpy(const std::string& url) {
-  if (std::getenv("DISPLAY") == nullptr) throw std::runtime_error("lcm-spy opens windows, and there is no X display (DISPLAY is not set)");
+  if (std::getenv("DISPLAY") == nullptr)
+    throw std::runtime_error("lcm-spy opens windows, and there is no X display (DISPLAY is not set)");
   const std::string java = FindOnPath("java");
   if (java.empty()) throw std::runtime_error("lcm-spy needs Java: install the package default-jre");
   const std::string types = FindData("java/mapmend-types.jar");
   if (types.empty()) {
-    throw std::runtime_error("mapmend-types.jar was not built: install the packages ecj and liblcm-java, then configure and build again");
+    throw std::runtime_error(
+        "mapmend-types.jar was not built: install the packages ecj and liblcm-java, then configure and build again");
   }
   const std::string class_path = RequireJar("/usr/share/java/lcm.jar", "liblcm-java") + ":" +
                                  RequireJar("/usr/share/java/jchart2d.jar", "libjchart2d-java") + ":" + types;
@@ -42,7 +46,8 @@ std::string RequireJar(const std::string& path, const std::string& package) {
 }  // namespace
 
 void AddSpyCommand(CLI::App* app) {
-  CLI::App* sub = app->add_subcommand("spy", "Start lcm-spy with mapmend's message types: every channel, its rate, its fields");
+  CLI::App* sub =
+      app->add_subcommand("spy", "Start lcm-spy with mapmend's message types: every channel, its rate, its fields");
   const auto url = std::make_shared<std::string>();
   sub->add_option("--lcm-url", *url, "LCM network (default: $LCM_DEFAULT_URL, else tcpq://127.0.0.1:7700)");
   sub->callback([url] { ExecSpy(ResolveLcmUrl(*url)); });

@@ -29,7 +29,8 @@ std::string UrlOfRun(const std::string& folder) {
   const std::string path = folder + "/logs/lcm-url";
   std::ifstream file(path);
   std::string url;
-  if (!(file >> url)) throw std::runtime_error("cannot read " + path + ": is " + folder + " the folder of a run (its --out)?");
+  if (!(file >> url))
+    throw std::runtime_error("cannot read " + path + ": is " + folder + " the folder of a run (its --out)?");
   return url;
 }
 
@@ -44,13 +45,15 @@ std::string FormatCounters(const HealthMonitor::Entry& entry) {
 }
 
 void PrintTable(const HealthMonitor& monitor, const std::string& url) {
-  std::printf("%-14s %7s %-9s %6s %8s %7s %6s  %s\n", "process", "pid", "state", "queue", "CPU s", "MB", "age s", "figures");
+  std::printf("%-14s %7s %-9s %6s %8s %7s %6s  %s\n", "process", "pid", "state", "queue", "CPU s", "MB", "age s",
+              "figures");
   if (monitor.Entries().empty()) std::printf("nothing is heard on %s\n", url.c_str());
   for (const auto& [key, entry] : monitor.Entries()) {
     const double age = std::chrono::duration<double>(Clock::now() - entry.received).count();
     const bool silent = age > 5;
-    std::printf("%-14s %7d %-9s %6d %8.1f %7.0f %6.1f  %s\n", entry.process.c_str(), entry.pid, silent ? "silent" : entry.state.c_str(),
-                entry.queue_depth, entry.cpu_s, entry.rss_mb, age, FormatCounters(entry).c_str());
+    std::printf("%-14s %7d %-9s %6d %8.1f %7.0f %6.1f  %s\n", entry.process.c_str(), entry.pid,
+                silent ? "silent" : entry.state.c_str(), entry.queue_depth, entry.cpu_s, entry.rss_mb, age,
+                FormatCounters(entry).c_str());
   }
   std::fflush(stdout);
 }
@@ -79,8 +82,9 @@ void ShowStatus(const StatusOptions& options) {
 void AddStatusCommand(CLI::App* app) {
   CLI::App* sub = app->add_subcommand("status", "Show the health of every process, once a second");
   const auto options = std::make_shared<StatusOptions>();
-  sub->add_option("RUN", options->run, "folder of a run that goes on (its --out), to find its bus")->excludes(
-      sub->add_option("--lcm-url", options->lcm_url, "LCM network (default: $LCM_DEFAULT_URL, else tcpq://127.0.0.1:7700)"));
+  sub->add_option("RUN", options->run, "folder of a run that goes on (its --out), to find its bus")
+      ->excludes(sub->add_option("--lcm-url", options->lcm_url,
+                                 "LCM network (default: $LCM_DEFAULT_URL, else tcpq://127.0.0.1:7700)"));
   sub->add_option("--channel-prefix", options->channel_prefix, "of the run");
   sub->add_flag("--once", options->once, "print one table and end; exit code 1 if nothing is heard");
   sub->callback([options] { ShowStatus(*options); });

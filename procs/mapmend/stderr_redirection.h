@@ -4,8 +4,8 @@
 
 namespace mapmend {
 
-// Sends this process's standard error to a file (appending) for as long as it lives: liblcm reports its connections there, where
-// only the one line of an error belongs.
+// Sends this process's standard error to a file (appending) for as long as it lives: liblcm reports its connections
+// there, where only the one line of an error belongs.
 class StderrRedirection {
  public:
   explicit StderrRedirection(const std::string& path);  // if the file cannot be opened, nothing is redirected

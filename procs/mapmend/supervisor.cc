@@ -82,7 +82,8 @@ void Supervisor::AddUsage(Entry* entry, const ExitStatus& status) {
   entry->usage.cpu_s += status.usage.cpu_s;
   // What wait4 tells includes the launcher's own pages at the time of the fork: it is the child's only if it is more.
   const double own_peak_mb = OwnPeakMb();
-  if (status.usage.peak_rss_mb > own_peak_mb) entry->usage.peak_rss_mb = std::max(entry->usage.peak_rss_mb, status.usage.peak_rss_mb);
+  if (status.usage.peak_rss_mb > own_peak_mb)
+    entry->usage.peak_rss_mb = std::max(entry->usage.peak_rss_mb, status.usage.peak_rss_mb);
   entry->usage.peak_rss_mb = std::max(entry->usage.peak_rss_mb, entry->sampled_peak_mb);
 }
 

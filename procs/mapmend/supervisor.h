@@ -26,8 +26,8 @@ struct ProcessSpec {
 };
 
 struct SupervisorOptions {
-  std::string log_folder;       // must exist
-  int first_backoff_ms = 100;   // before the first restart; doubles with each further one
+  std::string log_folder;      // must exist
+  int first_backoff_ms = 100;  // before the first restart; doubles with each further one
   int max_backoff_ms = 5000;
   int stable_after_ms = 10000;  // a process that ran for so long starts over with the first back-off
   int max_quick_restarts = 6;   // ended so often without becoming stable: the run fails
@@ -44,8 +44,8 @@ class Supervisor {
   void Start(const ProcessSpec& spec);
   // The arguments for the next start of a process (the hub learns its port in the first).
   void ChangeArguments(const std::string& name, const std::vector<std::string>& argv);
-  // The process has reported that it is ready: from now on its end is followed by a restart. Before, it is an error: what
-  // cannot start (a wrong file, a full disk) does not start the second time either.
+  // The process has reported that it is ready: from now on its end is followed by a restart. Before, it is an error:
+  // what cannot start (a wrong file, a full disk) does not start the second time either.
   void MarkReady(const std::string& name, pid_t pid);
   // Looks after every process; call at least ten times a second. Throws std::runtime_error with the process's own error
   // line if one cannot be kept alive.
@@ -96,8 +96,9 @@ class Supervisor {
   Clock::time_point last_sample_;
 };
 
-// The first line of a log, from byte `from` on, that reports an error: "[error] ..." or "[critical] ..." of the logger, or
-// "name: ..." of a program that gave up. Without the logger's time stamp; the last line that is not empty if none does.
+// The first line of a log, from byte `from` on, that reports an error: "[error] ..." or "[critical] ..." of the logger,
+// or "name: ..." of a program that gave up. Without the logger's time stamp; the last line that is not empty if none
+// does.
 std::string FindErrorLine(const std::string& log_path, const std::string& name, long from);
 
 }  // namespace mapmend

@@ -23,9 +23,9 @@ class BundledFlight : public testing::Test {
   static void SetUpTestSuite() {
     folder_ = std::make_unique<TemporaryFolder>();
     // Port 0: no live page, so that a page that is open elsewhere is left alone.
-    result_ = RunCommand({kProgram, "run", kFlight + "video.mp4", "--camera", kFlight + "camera.yaml", "--times", kFlight + "times.txt",
-                          "--groundtruth", kFlight + "groundtruth.tum", "--out", Out(), "--record", *folder_ / "log", "--seed", "1",
-                          "--port", "0"},
+    result_ = RunCommand({kProgram, "run", kFlight + "video.mp4", "--camera", kFlight + "camera.yaml", "--times",
+                          kFlight + "times.txt", "--groundtruth", kFlight + "groundtruth.tum", "--out", Out(),
+                          "--record", *folder_ / "log", "--seed", "1", "--port", "0"},
                          900);
   }
   static void TearDownTestSuite() { folder_.reset(); }
@@ -52,8 +52,8 @@ TEST_F(BundledFlight, EndsWithBothFlightsInOneMap) {
   EXPECT_GE(summary.at("losses"), 1);
 
   // Every frame of the main map once, placed within a metre of the truth.
-  const Evaluation evaluation =
-      EvaluateTrajectory(ReadTrajectory(Out() + "/frames.tum"), ReadTrajectory(kFlight + "groundtruth.tum"), EvaluationOptions());
+  const Evaluation evaluation = EvaluateTrajectory(ReadTrajectory(Out() + "/frames.tum"),
+                                                   ReadTrajectory(kFlight + "groundtruth.tum"), EvaluationOptions());
   ASSERT_TRUE(evaluation.success) << evaluation.reason;
   EXPECT_EQ(evaluation.num_estimate, summary.at("frames_in_main").get<size_t>());
   EXPECT_GE(evaluation.coverage, 0.95);
@@ -72,13 +72,14 @@ TEST_F(BundledFlight, TellsWhatItCost) {
     EXPECT_GT(process.at("cpu_s").get<double>(), 0) << names.back();
     EXPECT_GT(process.at("peak_rss_mb").get<double>(), 1) << names.back();
   }
-  EXPECT_EQ(names, (std::vector<std::string>{"hub", "submap_store", "merger", "viewer_export", "lcm-logger", "frontend"}));
+  EXPECT_EQ(names,
+            (std::vector<std::string>{"hub", "submap_store", "merger", "viewer_export", "lcm-logger", "frontend"}));
 }
 
 TEST_F(BundledFlight, WritesEveryFileThatOthersRelyOn) {
   ASSERT_EQ(result_.exit_code, 0);
-  for (const char* name : {"map.db", "frames.tum", "keyframes.tum", "submaps/0/frames.tum", "submaps/1/frames.tum", "map.ply", "graph.dot",
-                           "graph.svg", "trajectory.svg", "report.html", "summary.json"}) {
+  for (const char* name : {"map.db", "frames.tum", "keyframes.tum", "submaps/0/frames.tum", "submaps/1/frames.tum",
+                           "map.ply", "graph.dot", "graph.svg", "trajectory.svg", "report.html", "summary.json"}) {
     EXPECT_GT(ReadText(Out() + "/" + name).size(), 0u) << name;
   }
   EXPECT_NE(ReadText(Out() + "/report.html").find("</html>"), std::string::npos);
@@ -87,12 +88,13 @@ TEST_F(BundledFlight, WritesEveryFileThatOthersRelyOn) {
 TEST_F(BundledFlight, AReplayEndsWithTheSameMap) {
   ASSERT_EQ(result_.exit_code, 0);
   const std::string out = *folder_ / "replay";
-  const CommandResult replay = RunCommand({kProgram, "replay", *folder_ / "log/mapmend.lcmlog", "--out", out, "--groundtruth",
-                                           kFlight + "groundtruth.tum", "--seed", "1"},
+  const CommandResult replay = RunCommand({kProgram, "replay", *folder_ / "log/mapmend.lcmlog", "--out", out,
+                                           "--groundtruth", kFlight + "groundtruth.tum", "--seed", "1"},
                                           900);
   ASSERT_EQ(replay.exit_code, 0) << replay.output;
   const Json first = Summary(Out()), second = Summary(out);
-  for (const char* key : {"submaps", "components", "connections", "frames_in", "frames_tracked", "keyframes_total", "points_in_main"}) {
+  for (const char* key :
+       {"submaps", "components", "connections", "frames_in", "frames_tracked", "keyframes_total", "points_in_main"}) {
     EXPECT_EQ(first.at(key), second.at(key)) << key;
   }
   EXPECT_EQ(ReadText(Out() + "/frames.tum"), ReadText(out + "/frames.tum"));

@@ -91,7 +91,9 @@ std::vector<pid_t> RunningCommand::Survivors() const {
   for (const auto& entry : fs::directory_iterator("/proc")) {
     const std::string name = entry.path().filename().string();
     if (name.find_first_not_of("0123456789") != std::string::npos) continue;
-    if (ReadText(entry.path().string() + "/environ").find(mark_) == std::string::npos || IsZombie(entry.path().string())) continue;
+    if (ReadText(entry.path().string() + "/environ").find(mark_) == std::string::npos ||
+        IsZombie(entry.path().string()))
+      continue;
     pids.push_back(std::stoi(name));
   }
   return pids;

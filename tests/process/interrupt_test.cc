@@ -44,7 +44,8 @@ TEST_P(InterruptTest, LeavesAValidDatabaseAndNoProcess) {
   if (GetParam() == 0) {
     ASSERT_TRUE(WaitUntil([&] { return std::filesystem::exists(out + "/logs/hub.log"); }, 20));
   } else {
-    ASSERT_TRUE(WaitUntil([&] { return CountRecords(out + "/map.db") >= GetParam(); }, 60)) << ReadText(folder / "output");
+    ASSERT_TRUE(WaitUntil([&] { return CountRecords(out + "/map.db") >= GetParam(); }, 60))
+        << ReadText(folder / "output");
   }
   run.Signal(SIGINT);
   const auto result = run.Wait(12);

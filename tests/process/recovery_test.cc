@@ -1,5 +1,5 @@
-// SIGKILL for every process of a run in turn: the launcher brings it back and the map is the one of an undisturbed run. A killed
-// frontend cannot come back; what it saw is mapped to the end.
+// SIGKILL for every process of a run in turn: the launcher brings it back and the map is the one of an undisturbed run.
+// A killed frontend cannot come back; what it saw is mapped to the end.
 
 #include <gtest/gtest.h>
 
@@ -16,14 +16,26 @@ const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/she
 
 // The last frames of the first flight and the first of the second: two submaps.
 std::vector<std::string> RunArguments(const std::string& out) {
-  return {kProgram, "run", kFlight + "video.mp4", "--skip-frames", "0-59,102-171", "--session", "7a0f3c52-61d4-4d0b-8f0e-0c9be5a4e101",
-          "--seed", "1", "--port", "0", "--out", out};
+  return {kProgram,
+          "run",
+          kFlight + "video.mp4",
+          "--skip-frames",
+          "0-59,102-171",
+          "--session",
+          "7a0f3c52-61d4-4d0b-8f0e-0c9be5a4e101",
+          "--seed",
+          "1",
+          "--port",
+          "0",
+          "--out",
+          out};
 }
 
 // The process of a run whose command line holds this word; -1 if there is none.
 pid_t FindProcess(const RunningCommand& run, const std::string& word) {
   for (const pid_t pid : run.Survivors()) {
-    if (pid != run.Pid() && ReadText("/proc/" + std::to_string(pid) + "/cmdline").find(word) != std::string::npos) return pid;
+    if (pid != run.Pid() && ReadText("/proc/" + std::to_string(pid) + "/cmdline").find(word) != std::string::npos)
+      return pid;
   }
   return -1;
 }
@@ -41,7 +53,8 @@ TEST(Recovery, KilledProcessesComeBackAndTheMapIsTheSame) {
   // With the NUL that begins or ends an argument, so that only the program itself is meant.
   const std::string end(1, '\0');
   ASSERT_TRUE(WaitUntil([&] { return FindProcess(run, "/frontend" + end) > 0; }, 60)) << ReadText(folder / "output");
-  for (const std::string& program : {"/submap_store" + end, "/merger" + end, "/viewer_export" + end, "/mapmend" + end + "hub" + end}) {
+  for (const std::string& program :
+       {"/submap_store" + end, "/merger" + end, "/viewer_export" + end, "/mapmend" + end + "hub" + end}) {
     SleepSeconds(1);
     const pid_t pid = FindProcess(run, program);
     ASSERT_GT(pid, 0) << program;
@@ -71,7 +84,9 @@ TEST(Recovery, WhatAKilledFrontendSawIsMapped) {
   RunningCommand run(RunArguments(folder / "out"), folder / "output");
   const std::string end(1, '\0');
   // After some keyframes are in the store: each takes some twenty thousand bytes.
-  ASSERT_TRUE(WaitUntil([&] { return ReadText(folder / "out/map.db-wal").size() + ReadText(folder / "out/map.db").size() > 1000000; }, 60))
+  ASSERT_TRUE(WaitUntil(
+      [&] { return ReadText(folder / "out/map.db-wal").size() + ReadText(folder / "out/map.db").size() > 1000000; },
+      60))
       << ReadText(folder / "output");
   const pid_t pid = FindProcess(run, "/frontend" + end);
   ASSERT_GT(pid, 0);
@@ -79,7 +94,8 @@ TEST(Recovery, WhatAKilledFrontendSawIsMapped) {
   const auto result = run.Wait(120);
   ASSERT_TRUE(result) << ReadText(folder / "output");
   EXPECT_EQ(result->exit_code, 1);
-  EXPECT_NE(result->output.find("mapmend: frontend ended with signal 9 (Killed); what could be read is mapped"), std::string::npos)
+  EXPECT_NE(result->output.find("mapmend: frontend ended with signal 9 (Killed); what could be read is mapped"),
+            std::string::npos)
       << result->output;
   EXPECT_EQ(run.Survivors(), std::vector<pid_t>());
   const nlohmann::json summary = Summary(folder / "out");

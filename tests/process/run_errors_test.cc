@@ -74,7 +74,9 @@ class RunErrorsTest : public testing::Test {
   TemporaryFolder folder_;
 };
 
-TEST_F(RunErrorsTest, MissingInput) { ExpectError(Run({}, "/no/such/video.mp4"), "input /no/such/video.mp4 does not exist"); }
+TEST_F(RunErrorsTest, MissingInput) {
+  ExpectError(Run({}, "/no/such/video.mp4"), "input /no/such/video.mp4 does not exist");
+}
 
 TEST_F(RunErrorsTest, CameraFileWithoutAKey) {
   const std::string camera = Write("camera.yaml", "Camera.fx: 478\nCamera.fy: 478\nCamera.cy: 300\n");
@@ -96,7 +98,8 @@ TEST_F(RunErrorsTest, OutFolderThatCannotBeWritten) {
 
 TEST_F(RunErrorsTest, PortInUse) {
   const BoundPort bound;
-  ExpectError(Run({"--port", bound.Port()}), "--port " + bound.Port() + ": the port is in use by another program; choose another");
+  ExpectError(Run({"--port", bound.Port()}),
+              "--port " + bound.Port() + ": the port is in use by another program; choose another");
   const std::string url = "tcpq://127.0.0.1:" + bound.Port();
   ExpectError(Run({"--lcm-url", url}), "--lcm-url " + url + ": port " + bound.Port() +
                                            " is in use by a program that is not an LCM hub; choose another port");
@@ -110,7 +113,9 @@ TEST_F(RunErrorsTest, DatabaseOfAnEarlierRunAndOfAnotherVocabulary) {
   // A few frames are enough to make a database.
   ASSERT_EQ(Run({"--skip-frames", "3-171"}).exit_code, 0);
   const std::string out = folder_ / "out";
-  ExpectError(Run({}), out + " already holds a map.db: give another --out, --overwrite to replace it, or --append to map this flight into it");
+  ExpectError(Run({}), out +
+                           " already holds a map.db: give another --out, --overwrite to replace it, or --append to map "
+                           "this flight into it");
   const CommandResult result = Run({"--append", "--vocabulary", TinyVocabulary()});
   EXPECT_EQ(result.exit_code, 1);
   EXPECT_EQ(result.output.rfind("mapmend: submap_store: " + out + "/map.db: session ", 0), 0u) << result.output;
@@ -121,7 +126,8 @@ TEST_F(RunErrorsTest, DatabaseOfAnEarlierRunAndOfAnotherVocabulary) {
 TEST_F(RunErrorsTest, VideoThatEndsInMidFileIsMappedAsFarAsItGoes) {
   // The first frames of the flight as motion JPEG: an AVI file tells their number at its head.
   cv::VideoCapture flight(kFlight + "video.mp4");
-  cv::VideoWriter writer(folder_ / "cut.avi", cv::CAP_OPENCV_MJPEG, cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 1, cv::Size(800, 600));
+  cv::VideoWriter writer(folder_ / "cut.avi", cv::CAP_OPENCV_MJPEG, cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 1,
+                         cv::Size(800, 600));
   cv::Mat image;
   for (int i = 0; i < 24 && flight.read(image); ++i) writer.write(image);
   writer.release();
@@ -130,7 +136,8 @@ TEST_F(RunErrorsTest, VideoThatEndsInMidFileIsMappedAsFarAsItGoes) {
 
   const CommandResult result = Run({}, cut);
   EXPECT_EQ(result.exit_code, 3);
-  EXPECT_NE(result.output.find("mapmend: frontend: input " + cut + ": ends after "), std::string::npos) << result.output;
+  EXPECT_NE(result.output.find("mapmend: frontend: input " + cut + ": ends after "), std::string::npos)
+      << result.output;
   EXPECT_TRUE(std::filesystem::exists(folder_ / "out/report.html"));
   EXPECT_TRUE(std::filesystem::exists(folder_ / "out/frames.tum"));
 }
@@ -138,8 +145,9 @@ TEST_F(RunErrorsTest, VideoThatEndsInMidFileIsMappedAsFarAsItGoes) {
 TEST_F(RunErrorsTest, VideoWithoutItsIndex) {
   const std::string video = ReadText(kFlight + "video.mp4");
   const std::string cut = Write("cut.mp4", video.substr(0, video.size() / 2));
-  ExpectError(Run({}, cut),
-              "input " + cut + " cannot be opened as a video: unknown format, or cut short (an mp4 has its index at its end)");
+  ExpectError(
+      Run({}, cut),
+      "input " + cut + " cannot be opened as a video: unknown format, or cut short (an mp4 has its index at its end)");
 }
 
 }  // namespace

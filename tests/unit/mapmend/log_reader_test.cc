@@ -26,8 +26,8 @@ std::vector<Record> MakeSession() {
   started.settings_json = "{}";
   MapUpdate update;
   update.submap = SubmapId(0);
-  const std::vector<RecordBody> bodies = {started, SubmapStarted{SubmapId(0)}, update, SubmapEnded{SubmapId(0), "end_of_input", "", 5, 500},
-                                          SessionEnded{6}};
+  const std::vector<RecordBody> bodies = {started, SubmapStarted{SubmapId(0)}, update,
+                                          SubmapEnded{SubmapId(0), "end_of_input", "", 5, 500}, SessionEnded{6}};
   std::vector<Record> records;
   for (const RecordBody& body : bodies) {
     const auto seq = static_cast<int64_t>(records.size());

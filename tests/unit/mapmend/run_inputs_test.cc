@@ -82,7 +82,9 @@ TEST_F(RunInputsTest, NamesWhatIsMissing) {
   options_.input = folder_.string();
   EXPECT_EQ(Error(), "input folder " + folder_.string() + " holds no images (jpg, png, bmp, tif, pgm, ppm, webp)");
   options_.input = Write("noise.mp4", "this is no video");
-  EXPECT_EQ(Error(), "input " + options_.input + " cannot be opened as a video: unknown format, or cut short (an mp4 has its index at its end)");
+  EXPECT_EQ(Error(),
+            "input " + options_.input +
+                " cannot be opened as a video: unknown format, or cut short (an mp4 has its index at its end)");
 }
 
 TEST_F(RunInputsTest, NamesTheKeyOfTheCameraFile) {
@@ -120,7 +122,8 @@ TEST(OutFolder, RefusesAnEarlierMapAndRemovesOnlyResults) {
   fs::create_directories(folder / "submaps/0");
   std::ofstream(folder / "map.db") << "x";
   std::ofstream(folder / "notes.txt") << "mine";
-  EXPECT_NE(Message([&] { OutFolder(folder.string(), false, false); }).find("already holds a map.db"), std::string::npos);
+  EXPECT_NE(Message([&] { OutFolder(folder.string(), false, false); }).find("already holds a map.db"),
+            std::string::npos);
   EXPECT_TRUE(fs::exists(folder / "map.db"));
   {
     const OutFolder appended(folder.string(), false, true);
@@ -137,7 +140,8 @@ TEST(OutFolder, RefusesAnEarlierMapAndRemovesOnlyResults) {
 }
 
 TEST(OutFolder, NamesAFolderThatCannotBeMade) {
-  EXPECT_EQ(Message([&] { OutFolder("/proc/mapmend", false, false); }).rfind("cannot write to --out /proc/mapmend: ", 0), 0u);
+  EXPECT_EQ(
+      Message([&] { OutFolder("/proc/mapmend", false, false); }).rfind("cannot write to --out /proc/mapmend: ", 0), 0u);
 }
 
 TEST(FreePort, NamesTheOptionOfAPortInUse) {
@@ -164,7 +168,8 @@ TEST(PlanBus, BringsAHubOnlyWhereNoneAnswers) {
   const BusPlan plan = PlanBus(url);
   EXPECT_TRUE(plan.start_hub);
   EXPECT_EQ(plan.hub_port, server.Port());
-  for (const char* wrong : {"tcpq://", "tcpq://127.0.0.1", "tcpq://127.0.0.1:0", "tcpq://127.0.0.1:70000", "tcpq://:7700", "memq://", "x"}) {
+  for (const char* wrong : {"tcpq://", "tcpq://127.0.0.1", "tcpq://127.0.0.1:0", "tcpq://127.0.0.1:70000",
+                            "tcpq://:7700", "memq://", "x"}) {
     EXPECT_NE(Message([&] { PlanBus(wrong); }).find("expected tcpq://HOST:PORT"), std::string::npos) << wrong;
   }
 }
