@@ -23,9 +23,10 @@ SupervisorOptions MakeSupervisorOptions(const BackendOptions& options) {
   return result;
 }
 
-// "... hub listening on tcpq://127.0.0.1:PORT" in the hub's log; empty while it is not there.
-std::string FindHubUrl(const std::string& log_path) {
+// "... hub listening on tcpq://127.0.0.1:PORT" in the hub's log, from byte `from` on; empty while it is not there.
+std::string FindHubUrl(const std::string& log_path, long from) {
   std::ifstream log(log_path);
+  log.seekg(from);
   const std::string announcement = "hub listening on ";
   for (std::string line; std::getline(log, line);) {
     const size_t at = line.find(announcement);
@@ -75,14 +76,11 @@ void Backend::StartHub(int port, const std::string& bind) {
   };
   supervisor_.Start({"hub", arguments(std::to_string(port)), OnExit::kRestart});
   const auto deadline = Clock::now() + milliseconds(options_.ready_timeout_ms);
-  while (url_.empty() || !supervisor_.IsRunning("hub") || FindHubUrl(supervisor_.LogPath("hub")).empty()) {
+  for (;;) {
     if (StopRequested()) throw Interrupted();
     supervisor_.Tick();
-    const std::string url = FindHubUrl(supervisor_.LogPath("hub"));
-    if (!url.empty()) {
-      url_ = url;
-      break;
-    }
+    url_ = FindHubUrl(supervisor_.LogPath("hub"), supervisor_.LogStart("hub"));
+    if (!url_.empty()) break;
     if (Clock::now() > deadline) throw std::runtime_error("the hub does not start; see " + supervisor_.LogPath("hub"));
     std::this_thread::sleep_for(milliseconds(5));
   }

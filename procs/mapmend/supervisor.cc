@@ -147,6 +147,8 @@ std::string Supervisor::ErrorLine(const std::string& name) const {
   return FindErrorLine(LogPath(name), name, Find(name).log_start);
 }
 
+long Supervisor::LogStart(const std::string& name) const { return Find(name).log_start; }
+
 void Supervisor::Stop(const std::string& name) {
   Entry& entry = Find(name);
   entry.stopped = true;

@@ -61,6 +61,8 @@ class Supervisor {
   // The first error line that the last incarnation of a process has logged; empty without one.
   std::string ErrorLine(const std::string& name) const;
   std::string LogPath(const std::string& name) const;
+  // Where in its log the output of a process's last incarnation begins, bytes.
+  long LogStart(const std::string& name) const;
 
   // Stops one process (and does not restart it), or all in reverse order of their start.
   void Stop(const std::string& name);
