@@ -16,19 +16,19 @@ h2 { margin: 34px 0 10px; font-size: 19px; }
 .banner b { font-size: 21px; color: var(--good); }
 .banner.warn { border-color: var(--warn); } .banner.warn b { color: var(--warn); }
 .banner.bad { border-color: var(--bad); } .banner.bad b { color: var(--bad); }
-.figures { display: grid; grid-template-columns: repeat(auto-fill, minmax(150px, 1fr)); gap: 12px; }
-.figure { background: #fff; border-radius: 10px; padding: 12px 16px; box-shadow: 0 1px 3px #0001; display: flex; flex-direction: column; }
-.figure b { font-size: 23px; line-height: 1.25; } .figure span { font-size: 13px; }
+.figures { display: grid; grid-template-columns: repeat(auto-fill, minmax(122px, 1fr)); gap: 12px; }
+.figure { background: #fff; border-radius: 10px; padding: 12px 13px; box-shadow: 0 1px 3px #0001; display: flex; flex-direction: column; }
+.figure b { font-size: 22px; line-height: 1.25; } .figure span { font-size: 13px; }
 .figure i { font-style: normal; font-size: 12px; color: var(--muted); }
 .picture { margin-top: 20px; padding: 8px; background: #fff; border-radius: 10px; overflow-x: auto; box-shadow: 0 1px 3px #0001; }
 .picture svg { display: block; }
 .scroll { overflow-x: auto; background: #fff; border-radius: 10px; box-shadow: 0 1px 3px #0001; }
 table { border-collapse: collapse; width: 100%; font-size: 14px; }
-th, td { padding: 7px 10px; text-align: right; white-space: nowrap; border-bottom: 1px solid var(--line); vertical-align: top; }
+th, td { padding: 7px 9px; text-align: right; white-space: nowrap; border-bottom: 1px solid var(--line); vertical-align: top; }
 tr:last-child td { border-bottom: 0; }
 th { font-size: 12px; font-weight: 600; color: var(--muted); }
 th:first-child, td:first-child, .text, .left { text-align: left; }
-td.text { white-space: normal; min-width: 130px; } td.text:last-child { min-width: 230px; }
+td.text { white-space: normal; min-width: 130px; } td.text:last-child { min-width: 165px; }
 td i { font-style: normal; font-size: 13px; color: var(--muted); }
 .chip { display: inline-block; min-width: 22px; padding: 0 5px; border-radius: 11px; color: #fff; font-weight: 600; font-size: 13px;
   line-height: 22px; text-align: center; }
