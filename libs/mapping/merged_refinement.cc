@@ -133,10 +133,21 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
     matching.radius = options.radii[round];
     report(Format("fusion of duplicate points, round %zu of %zu", round + 1, options.radii.size()));
     summary.fusions.push_back(FuseOverlaps(options.overlap, matching, &map));
+    const FusionSummary& fusion = summary.fusions.back();
+    report(Format("%d of %d overlapping pairs matched, %d points fused, %d observations added, %d conflicts",
+                  fusion.num_matched_pairs, fusion.num_pairs, fusion.num_fused, fusion.num_added, fusion.num_conflicts));
     MergedBundleOptions bundle = options.bundle;
     bundle.bundle.max_iterations = options.iterations[round];
+    const bool last = round + 1 == options.radii.size();
+    if (last && static_cast<int>(map.keyframes.size()) <= options.max_keyframes_with_all_points) {
+      bundle.points_per_keyframe = 0;
+    }
     report(Format("bundle adjustment, round %zu of %zu", round + 1, options.radii.size()));
     summary.bundles.push_back(AdjustMergedMap(bundle, &map));
+    const MergedBundleSummary& adjusted = summary.bundles.back();
+    report(Format("%d points, %d observations, %d iterations, cost %.0f to %.0f, %d outliers removed", adjusted.num_points,
+                  adjusted.num_observations, adjusted.num_iterations, adjusted.initial_cost, adjusted.final_cost,
+                  adjusted.num_removed));
     if (!summary.bundles.back().success) {
       summary.reason = "bundle adjustment failed; the transforms along the tree stand";
       return result;
