@@ -18,7 +18,7 @@ h2 { margin: 34px 0 10px; font-size: 19px; }
 .banner.bad { border-color: var(--bad); } .banner.bad b { color: var(--bad); }
 .figures { display: grid; grid-template-columns: repeat(auto-fill, minmax(122px, 1fr)); gap: 12px; }
 .figure { background: #fff; border-radius: 10px; padding: 12px 13px; box-shadow: 0 1px 3px #0001; display: flex; flex-direction: column; }
-.figure b { font-size: 22px; line-height: 1.25; } .figure span { font-size: 13px; }
+.figure b { font-size: 20px; white-space: nowrap; line-height: 1.25; } .figure span { font-size: 13px; }
 .figure i { font-style: normal; font-size: 12px; color: var(--muted); }
 .picture { margin-top: 20px; padding: 8px; background: #fff; border-radius: 10px; overflow-x: auto; box-shadow: 0 1px 3px #0001; }
 .picture svg { display: block; }
