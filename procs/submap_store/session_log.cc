@@ -12,6 +12,7 @@ namespace {
 
 constexpr int64_t kAliveMs = 2000;
 constexpr int64_t kMaxBehind = 100000000;  // a heartbeat that claims more records is forged
+constexpr int kMaxDamaged = 3;              // a record that does not decode so often will not do better
 constexpr size_t kMaxMissing = 64, kMaxGapSeqs = 256;  // named in an ack
 
 }  // namespace
@@ -26,17 +27,24 @@ void SessionLog::Restore(Session model, int64_t cumulative, int32_t last_keyfram
   gaps_ = gaps;
 }
 
-SessionLog::Offered SessionLog::Offer(EncodedRecord record, int64_t now_ms) {
+SessionLog::Offered SessionLog::Offer(EncodedRecord encoded, int64_t now_ms) {
   last_heard_ms_ = now_ms;
-  if (record.seq <= prepared_ || pending_.contains(record.seq)) return Offered::kDuplicate;
-  if (!session_error_.empty()) return Offered::kRefused;
-  const auto size = static_cast<int64_t>(record.data.size());
-  const bool is_next = record.seq == prepared_ + 1;
-  if (record.seq > prepared_ + options_.max_ahead || (!is_next && pending_bytes_ + size > options_.max_pending_bytes)) {
+  const int64_t seq = encoded.seq;
+  if (seq <= prepared_ || pending_.contains(seq)) return Offered::kDuplicate;
+  if (!session_error_.empty() && seq != 0) return Offered::kRefused;
+  const auto size = static_cast<int64_t>(encoded.data.size());
+  const bool is_next = seq == prepared_ + 1;
+  if (seq > prepared_ + options_.max_ahead || (!is_next && pending_bytes_ + size > options_.max_pending_bytes)) {
     return Offered::kRefused;  // it will be sent again
   }
+  DecodedRecord decoded = DecodeRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()));
+  if (!decoded.record) {
+    if (++damaged_[seq] == 1) spdlog::warn("session {}, record {}: {}", session_, seq, decoded.error);
+    return Offered::kRefused;
+  }
+  damaged_.erase(seq);
   pending_bytes_ += size;
-  pending_[record.seq] = std::move(record);
+  pending_[seq] = {std::move(encoded), std::move(*decoded.record)};
   return Offered::kPending;
 }
 
@@ -57,8 +65,14 @@ void SessionLog::OnHeartbeat(const stream_state_t& state, int64_t now_ms, int64_
 bool SessionLog::IsAlive(int64_t now_ms) const { return now_ms - last_heartbeat_ms_ <= kAliveMs; }
 
 void SessionLog::RefuseSession(const std::string& error) {
+  if (error != session_error_) spdlog::error("{}", error);
   session_error_ = error;
+  ++num_refused_;
+  model_ = Session();
+  prepared_ = -1;
+  last_keyframe_ = -1;
   pending_.clear();
+  damaged_.clear();
   pending_bytes_ = 0;
 }
 
@@ -91,10 +105,16 @@ bool SessionLog::IsHoleFinal(int64_t now_ms, std::string* reason) const {
 
 std::vector<LogItem> SessionLog::TakeReady(int64_t now_ms) {
   std::vector<LogItem> items;
-  if (!session_error_.empty()) return items;
+  if (!session_error_.empty() && !pending_.contains(0)) return items;
   for (;;) {
     if (pending_.empty() || pending_.begin()->first > prepared_ + 1) {
       if (last_progress_ms_ < 0) last_progress_ms_ = now_ms;
+      const auto damaged = damaged_.find(prepared_ + 1);
+      if (prepared_ >= 0 && damaged != damaged_.end() && damaged->second >= kMaxDamaged) {
+        RefuseRecord(prepared_ + 1, "it does not decode", &items);
+        damaged_.erase(damaged);
+        continue;
+      }
       std::string reason;
       if (!IsHoleFinal(now_ms, &reason)) break;
       int64_t last = pending_.empty() ? last_made_ : pending_.begin()->first - 1;
@@ -104,33 +124,28 @@ std::vector<LogItem> SessionLog::TakeReady(int64_t now_ms) {
         break;
       }
       AddGap(prepared_ + 1, last, reason, &items);
+      damaged_.erase(damaged_.begin(), damaged_.upper_bound(last));
       last_progress_ms_ = now_ms;
       continue;
     }
-    EncodedRecord encoded = std::move(pending_.begin()->second);
+    LogEntry entry = std::move(pending_.begin()->second);
     pending_.erase(pending_.begin());
-    pending_bytes_ -= static_cast<int64_t>(encoded.data.size());
+    pending_bytes_ -= static_cast<int64_t>(entry.encoded.data.size());
     last_progress_ms_ = now_ms;
-    DecodedRecord decoded = DecodeRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()));
-    std::string error = decoded.error;
-    if (decoded.record) {
-      const auto* keyframe = std::get_if<KeyframeRecord>(&decoded.record->body);
-      if (keyframe != nullptr && keyframe->keyframe.value <= last_keyframe_) {
-        error = "keyframe " + std::to_string(keyframe->keyframe.value) + " after " + std::to_string(last_keyframe_);
-      } else {
-        error = ApplyLight(*decoded.record, &model_);
-      }
-      if (keyframe != nullptr && error.empty()) last_keyframe_ = keyframe->keyframe.value;
-    }
+    const auto* keyframe = std::get_if<KeyframeRecord>(&entry.record.body);
+    const bool grows = keyframe == nullptr || keyframe->keyframe.value > last_keyframe_;
+    const std::string error =
+        grows ? ApplyLight(entry.record, &model_) : "keyframe id " + std::to_string(keyframe->keyframe.value) + " does not grow";
     if (error.empty()) {
-      prepared_ = encoded.seq;
-      items.push_back(LogEntry{std::move(encoded), std::move(*decoded.record)});
+      if (keyframe != nullptr) last_keyframe_ = keyframe->keyframe.value;
+      prepared_ = entry.encoded.seq;
+      session_error_.clear();
+      items.emplace_back(std::move(entry));
     } else if (prepared_ < 0) {
-      ++num_refused_;
       RefuseSession("session " + session_ + ": its first record is refused: " + error);
       break;
     } else {
-      RefuseRecord(encoded.seq, error, &items);
+      RefuseRecord(entry.encoded.seq, error, &items);
     }
   }
   return items;

@@ -39,6 +39,7 @@ class SessionLog {
   // For a session that is in the file: model holds its submaps (only the open ones in full), cumulative its last seq.
   void Restore(Session model, int64_t cumulative, int32_t last_keyframe, const std::vector<LogGap>& gaps);
 
+  // A record that does not decode is refused here: it is sent again. If it does not decode then either, its turn makes it a gap.
   enum class Offered { kPending, kDuplicate, kRefused };
   Offered Offer(EncodedRecord record, int64_t now_ms);
   void OnHeartbeat(const stream_state_t& state, int64_t now_ms, int64_t wall_us);
@@ -51,7 +52,8 @@ class SessionLog {
   // Ends the session in its frontend's place: what is missing becomes a gap, open submaps are closed as "interrupted".
   std::vector<LogItem> TakeClosing();
 
-  // The whole session is refused, e.g. another vocabulary: nothing of it is kept, acks carry the error.
+  // The whole session is refused, e.g. another vocabulary: nothing of it is kept, acks carry the error, until another first
+  // record comes that will do. Only before anything of it is committed.
   void RefuseSession(const std::string& error);
 
   ack_t MakeAck(const std::string& store_error) const;
@@ -75,7 +77,8 @@ class SessionLog {
   int32_t last_keyframe_ = -1;
   int64_t committed_ = -1;
   int64_t prepared_ = -1;     // handed out by TakeReady
-  std::map<int64_t, EncodedRecord> pending_;
+  std::map<int64_t, LogEntry> pending_;
+  std::map<int64_t, int> damaged_;  // records that came undecodable, and how often
   int64_t pending_bytes_ = 0;
   std::vector<LogGap> gaps_;
   int64_t first_available_ = 0, last_made_ = -1;  // as the frontend says

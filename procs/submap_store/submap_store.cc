@@ -161,14 +161,11 @@ void SubmapStore::CheckVocabulary(SessionState* state) {
   const auto* entry = std::get_if<LogEntry>(&state->uncommitted.front());
   const auto* start = entry == nullptr ? nullptr : std::get_if<SessionStarted>(&entry->record.body);
   if (start == nullptr) return;
-  if (vocabulary_hash_.empty()) vocabulary_hash_ = start->vocabulary_hash;
-  if (start->vocabulary_hash == vocabulary_hash_) return;
+  if (vocabulary_hash_.empty() || start->vocabulary_hash == vocabulary_hash_) return;
   const std::string error = "session " + entry->record.header.session + " uses vocabulary " + start->vocabulary_hash + ", but " +
                             options_.path + " is for vocabulary " + vocabulary_hash_;
-  spdlog::error("{}", error);
   state->uncommitted.clear();
   state->log.RefuseSession(error);
-  ++num_refused_;
 }
 
 void SubmapStore::Write(SessionState* state) {
@@ -212,6 +209,7 @@ void SubmapStore::AfterCommit(SessionState* state) {
         if (row.uuid != record.header.session) continue;
         state->row = row.id;
         search_.AddSession(row);
+        if (vocabulary_hash_.empty()) vocabulary_hash_ = row.vocabulary_hash;
       }
     } else if (const auto* start = std::get_if<SubmapStarted>(&record.body)) {
       search_.StartSubmap(state->row, start->submap, seq);

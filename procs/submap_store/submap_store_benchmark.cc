@@ -215,20 +215,46 @@ FilledStore& Filled(int n, int num_features) {
 
 constexpr int kFewFeatures = 60;
 
+// An index of n keyframes and no file.
+InvertedIndex& FilledIndex(int n) {
+  static std::map<int, InvertedIndex> indexes;
+  InvertedIndex& index = indexes[n];
+  std::mt19937 random(1);
+  for (int i = index.Size(); i < n; ++i) index.Add(DrawVector(i, &random), {0, i / kSubmapSize, i, i});
+  return index;
+}
+
 // Index alone: one keyframe in, at n keyframes.
 void BM_InsertInMemory(benchmark::State& state) {
   const auto n = static_cast<int>(state.range(0));
-  std::mt19937 random(1);
-  InvertedIndex index;
-  for (int i = 0; i < n; ++i) index.Add(DrawVector(i, &random), {0, 0, i, i});
+  InvertedIndex& index = FilledIndex(n);
+  state.counters["index_bytes_per_keyframe"] = static_cast<double>(index.Bytes()) / index.Size();
+  std::mt19937 random(2);
   std::vector<BowVector> more;
   for (int i = 0; i < 1000; ++i) more.push_back(DrawVector(n + i, &random));
-  state.counters["index_bytes_per_keyframe"] = static_cast<double>(index.Bytes()) / n;
   size_t i = 0;
   for (auto _ : state) {
-    index.Add(more[i % more.size()], {0, 0, n + static_cast<int>(i), n + static_cast<int>(i)});
-    ++i;
+    const int at = index.Size();
+    index.Add(more[i++ % more.size()], {0, at / kSubmapSize, at, at});
   }
+}
+
+// Index alone: all keyframes with common words, at n keyframes.
+void BM_IndexQuery(benchmark::State& state) {
+  const auto n = static_cast<int>(state.range(0));
+  const InvertedIndex& index = FilledIndex(n);
+  std::mt19937 random(3);
+  std::vector<BowVector> queries;
+  for (int i = 0; i < 100; ++i) queries.push_back(DrawVector(i * 7, &random));
+  IndexScope scope;
+  scope.last_seq = {1 << 30};
+  std::vector<double> times;
+  for (auto _ : state) {
+    const auto start = Clock::now();
+    benchmark::DoNotOptimize(index.Query(queries[times.size() % queries.size()], scope));
+    times.push_back(MsSince(start));
+  }
+  state.counters["median_ms"] = Quantile(times, 0.5);
 }
 
 // A whole query of the store: thresholds, index, covisible groups, at n keyframes.
@@ -322,6 +348,7 @@ void BM_WriteLatency(benchmark::State& state) {
 }
 
 BENCHMARK(BM_InsertInMemory)->Arg(1000)->Arg(10000)->Arg(100000)->Iterations(1000)->Unit(benchmark::kMicrosecond);
+BENCHMARK(BM_IndexQuery)->Arg(1000)->Arg(10000)->Arg(100000)->Iterations(200)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_Query)->Arg(1000)->Arg(10000)->Arg(100000)->Iterations(480)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_Reopen)->Arg(1000)->Arg(10000)->Arg(100000)->Iterations(1)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_InsertWithCommit)->Arg(1000)->Arg(10000)->Iterations(1)->Unit(benchmark::kMillisecond);

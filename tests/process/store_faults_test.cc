@@ -10,7 +10,7 @@
 #include "procs/submap_store/database.h"
 #include "procs/submap_store/db_commands.h"
 #include "tests/process/store_helper.h"
-#include "tests/temporary_folder.h"
+#include "tests/scratch_folder.h"
 
 namespace mapmend {
 namespace {
@@ -28,8 +28,8 @@ class StoreFaults : public ::testing::Test {
     port_ = FreePort();
     hub_ = StartHub(port_, log_);
   }
-  ChildProcess Frontend(int pause_us) {
-    return ChildProcess([this, pause_us] { RunFrontend(flight_, port_, folder_.File("outbox"), pause_us, progress_); });
+  TestProcess Frontend(int pause_us) {
+    return TestProcess([this, pause_us] { RunFrontend(flight_, port_, folder_.File("outbox"), pause_us, progress_); });
   }
   // Last record in the file, as another process sees it.
   int64_t CommittedSeq() {
@@ -37,7 +37,7 @@ class StoreFaults : public ::testing::Test {
     const auto sessions = database.Sessions();
     return sessions.empty() ? -1 : sessions.front().cumulative;
   }
-  void ExpectWholeFlight(ChildProcess* store) {
+  void ExpectWholeFlight(TestProcess* store) {
     EXPECT_EQ(store->Terminate(), 0);
     const std::vector<std::string> problems = CheckDb(db_);
     EXPECT_TRUE(problems.empty()) << problems.front();
@@ -46,24 +46,24 @@ class StoreFaults : public ::testing::Test {
     EXPECT_EQ(HashDb(db_).stream, ExpectedStreamHash(flight_, folder_.File("expected.db")));
   }
 
-  TemporaryFolder folder_;
+  ScratchFolder folder_;
   std::string db_ = folder_.File("map.db"), log_ = folder_.File("log.txt");
   SyntheticStreamOptions flight_;
   SharedProgress* progress_ = nullptr;
   int port_ = 0;
-  ChildProcess hub_;
+  TestProcess hub_;
 };
 
 TEST_F(StoreFaults, SurvivesKillsOfTheStoreAtRandomMoments) {
   const char* setting = std::getenv("MAPMEND_KILLS");
   const int num_kills = setting == nullptr ? 100 : std::atoi(setting);
   std::mt19937 random(5);
-  ChildProcess store = StartStore(db_, port_, log_);
-  ChildProcess frontend = Frontend(20000);
+  TestProcess store = StartStore(db_, port_, log_);
+  TestProcess frontend = Frontend(20000);
   int num_with_progress = 0;
   for (int i = 0; i < num_kills; ++i) {
     const int64_t before = progress_->acknowledged;
-    SleepMs(20 + static_cast<int>(random() % 200));
+    PauseMs(20 + static_cast<int>(random() % 200));
     const int64_t acknowledged = progress_->acknowledged;
     store.Kill();
     if (acknowledged >= 0) {
@@ -79,11 +79,11 @@ TEST_F(StoreFaults, SurvivesKillsOfTheStoreAtRandomMoments) {
 
 TEST_F(StoreFaults, SurvivesKillsOfTheFrontend) {
   std::mt19937 random(6);
-  ChildProcess store = StartStore(db_, port_, log_);
+  TestProcess store = StartStore(db_, port_, log_);
   for (int i = 0; i < 10; ++i) {
-    ChildProcess frontend = Frontend(1000);
+    TestProcess frontend = Frontend(1000);
     if (i % 3 == 1) store.Signal(SIGSTOP);  // what it makes now is in its outbox only
-    SleepMs(50 + static_cast<int>(random() % 150));
+    PauseMs(50 + static_cast<int>(random() % 150));
     const int64_t appended = progress_->appended;
     frontend.Kill();
     store.Signal(SIGCONT);
@@ -91,18 +91,18 @@ TEST_F(StoreFaults, SurvivesKillsOfTheFrontend) {
     progress_->acknowledged = -1;
     EXPECT_GE(progress_->appended, appended);
   }
-  ChildProcess frontend = Frontend(0);
+  TestProcess frontend = Frontend(0);
   EXPECT_EQ(frontend.Wait(kFinishMs), 0);
   ExpectWholeFlight(&store);
 }
 
 TEST_F(StoreFaults, SurvivesKillsOfTheHub) {
-  ChildProcess store = StartStore(db_, port_, log_);
-  ChildProcess frontend = Frontend(2000);
+  TestProcess store = StartStore(db_, port_, log_);
+  TestProcess frontend = Frontend(2000);
   for (int i = 0; i < 5; ++i) {
-    SleepMs(250);
+    PauseMs(250);
     hub_.Kill();
-    SleepMs(i == 2 ? 1500 : 50);
+    PauseMs(i == 2 ? 1500 : 50);
     hub_ = StartHub(port_, log_);
   }
   EXPECT_EQ(frontend.Wait(kFinishMs), 0);
@@ -110,11 +110,11 @@ TEST_F(StoreFaults, SurvivesKillsOfTheHub) {
 }
 
 TEST_F(StoreFaults, DeliversLaterWhatWasMadeWithoutAStore) {
-  ChildProcess frontend = Frontend(0);
+  TestProcess frontend = Frontend(0);
   const int64_t last = 4 * (2 + 3 * 60) + 1;
-  ASSERT_TRUE(WaitUntil([&] { return progress_->appended == last; }, 30000));  // it did not wait for anybody
+  ASSERT_TRUE(PollUntil([&] { return progress_->appended == last; }, 30000));  // it did not wait for anybody
   EXPECT_EQ(progress_->acknowledged, -1);
-  ChildProcess store = StartStore(db_, port_, log_);
+  TestProcess store = StartStore(db_, port_, log_);
   EXPECT_EQ(frontend.Wait(kFinishMs), 0);
   ExpectWholeFlight(&store);
 }

@@ -13,7 +13,7 @@
 #include "procs/submap_store/db_commands.h"
 #include "procs/submap_store/schema.h"
 #include "tests/process/store_helper.h"
-#include "tests/temporary_folder.h"
+#include "tests/scratch_folder.h"
 
 namespace mapmend {
 namespace {
@@ -22,18 +22,18 @@ class StoreFiles : public ::testing::Test {
  protected:
   // The store must refuse db_ with one line that holds `what`, and leave the file alone.
   void ExpectRefused(const std::string& what) {
-    const std::string before = ReadTextFile(db_);
-    const CommandResult result =
-        RunCommand({ProgramPath("submap_store"), "--db", db_, "--lcm-url", "memq://"}, folder_.File("log.txt"));
+    const std::string before = ReadWholeFile(db_);
+    const TestOutput result =
+        RunProgram({ProgramPath("submap_store"), "--db", db_, "--lcm-url", "memq://"}, folder_.File("log.txt"));
     EXPECT_EQ(result.exit_code, 1);
     EXPECT_NE(result.output.find(what), std::string::npos) << result.output;
     EXPECT_NE(result.output.find(db_), std::string::npos) << result.output;
     EXPECT_EQ(std::count(result.output.begin(), result.output.end(), '\n'), 1) << result.output;
-    EXPECT_EQ(ReadTextFile(db_), before);
+    EXPECT_EQ(ReadWholeFile(db_), before);
   }
   void MakeDatabase() { ExpectedStreamHash(SyntheticStreamOptions(), db_); }
 
-  TemporaryFolder folder_;
+  ScratchFolder folder_;
   std::string db_ = folder_.File("map.db");
 };
 
@@ -65,21 +65,21 @@ TEST_F(StoreFiles, RefusesANewerSchema) {
 
 TEST_F(StoreFiles, RefusesAFolderAndAnUnwritablePlace) {
   db_ = folder_.Path();
-  const CommandResult folder = RunCommand({ProgramPath("submap_store"), "--db", db_}, folder_.File("log.txt"));
+  const TestOutput folder = RunProgram({ProgramPath("submap_store"), "--db", db_}, folder_.File("log.txt"));
   EXPECT_EQ(folder.exit_code, 1);
-  const CommandResult nowhere =
-      RunCommand({ProgramPath("submap_store"), "--db", folder_.File("no/such/folder.db")}, folder_.File("log.txt"));
+  const TestOutput nowhere =
+      RunProgram({ProgramPath("submap_store"), "--db", folder_.File("no/such/folder.db")}, folder_.File("log.txt"));
   EXPECT_EQ(nowhere.exit_code, 1);
   EXPECT_NE(nowhere.output.find("no/such/folder.db"), std::string::npos);
 }
 
 TEST_F(StoreFiles, RefusesToShareAFileWithAnotherStore) {
   const int port = FreePort();
-  ChildProcess hub = StartHub(port, folder_.File("hub.txt"));
-  ChildProcess first = StartStore(db_, port, folder_.File("first.txt"));
-  ASSERT_TRUE(WaitUntil([&] { return ReadTextFile(folder_.File("first.txt")).find("keyframes") != std::string::npos; }, 10000));
-  const CommandResult second =
-      RunCommand({ProgramPath("submap_store"), "--db", db_, "--lcm-url", HubUrl(port)}, folder_.File("log.txt"));
+  TestProcess hub = StartHub(port, folder_.File("hub.txt"));
+  TestProcess first = StartStore(db_, port, folder_.File("first.txt"));
+  ASSERT_TRUE(PollUntil([&] { return ReadWholeFile(folder_.File("first.txt")).find("keyframes") != std::string::npos; }, 10000));
+  const TestOutput second =
+      RunProgram({ProgramPath("submap_store"), "--db", db_, "--lcm-url", HubUrl(port)}, folder_.File("log.txt"));
   EXPECT_EQ(second.exit_code, 1);
   EXPECT_NE(second.output.find("in use"), std::string::npos) << second.output;
   EXPECT_TRUE(first.IsRunning());
@@ -104,19 +104,19 @@ TEST_F(StoreFiles, StopsAcknowledgingOnAFullDiskAndGoesOnWhenThereIsRoom) {
   flight.keyframes_per_submap = 60;
   flight.num_features = 600;
   const int port = FreePort();
-  ChildProcess hub = StartHub(port, folder_.File("hub.txt"));
-  ChildProcess store = StartStore(db_, port, folder_.File("store.txt"));
+  TestProcess hub = StartHub(port, folder_.File("hub.txt"));
+  TestProcess store = StartStore(db_, port, folder_.File("store.txt"));
   SharedProgress* progress = MapSharedProgress();
-  ChildProcess frontend([&] { RunFrontend(flight, port, folder_.File("outbox"), 0, progress); });
-  ASSERT_TRUE(WaitUntil([&] { return progress->store_reports_error; }, 30000));
-  SleepMs(500);
+  TestProcess frontend([&] { RunFrontend(flight, port, folder_.File("outbox"), 0, progress); });
+  ASSERT_TRUE(PollUntil([&] { return progress->store_reports_error; }, 30000));
+  PauseMs(500);
   const int64_t acknowledged = progress->acknowledged;
   EXPECT_GT(acknowledged, 10);
   EXPECT_LT(acknowledged, 300);
-  SleepMs(500);
+  PauseMs(500);
   EXPECT_EQ(progress->acknowledged, acknowledged);
   EXPECT_TRUE(store.IsRunning());
-  EXPECT_NE(ReadTextFile(folder_.File("store.txt")).find("disk full"), std::string::npos);
+  EXPECT_NE(ReadWholeFile(folder_.File("store.txt")).find("disk full"), std::string::npos);
 
   mount(nullptr, disk.c_str(), nullptr, MS_REMOUNT, "size=64m");
   unlink((disk + "/ballast").c_str());

@@ -41,7 +41,7 @@ void RedirectTo(const std::string& log_path) {
 
 }  // namespace
 
-ChildProcess::ChildProcess(const std::vector<std::string>& command, const std::string& log_path) {
+TestProcess::TestProcess(const std::vector<std::string>& command, const std::string& log_path) {
   pid_ = fork();
   if (pid_ != 0) return;
   DieWithParent();
@@ -53,7 +53,7 @@ ChildProcess::ChildProcess(const std::vector<std::string>& command, const std::s
   _exit(127);
 }
 
-ChildProcess::ChildProcess(const std::function<void()>& body) {
+TestProcess::TestProcess(const std::function<void()>& body) {
   pid_ = fork();
   if (pid_ != 0) return;
   DieWithParent();
@@ -66,11 +66,11 @@ ChildProcess::ChildProcess(const std::function<void()>& body) {
   _exit(0);
 }
 
-ChildProcess::~ChildProcess() { Kill(); }
+TestProcess::~TestProcess() { Kill(); }
 
-ChildProcess::ChildProcess(ChildProcess&& other) noexcept : pid_(other.pid_), exit_code_(other.exit_code_) { other.pid_ = -1; }
+TestProcess::TestProcess(TestProcess&& other) noexcept : pid_(other.pid_), exit_code_(other.exit_code_) { other.pid_ = -1; }
 
-ChildProcess& ChildProcess::operator=(ChildProcess&& other) noexcept {
+TestProcess& TestProcess::operator=(TestProcess&& other) noexcept {
   Kill();
   pid_ = other.pid_;
   exit_code_ = other.exit_code_;
@@ -78,26 +78,26 @@ ChildProcess& ChildProcess::operator=(ChildProcess&& other) noexcept {
   return *this;
 }
 
-void ChildProcess::Signal(int signal) {
+void TestProcess::Signal(int signal) {
   if (pid_ > 0) kill(pid_, signal);
 }
 
-void ChildProcess::Kill() {
+void TestProcess::Kill() {
   Signal(SIGKILL);
   Wait(10000);
 }
 
-int ChildProcess::Terminate() {
+int TestProcess::Terminate() {
   Signal(SIGTERM);
   return Wait(10000);
 }
 
-int ChildProcess::Wait(int timeout_ms) {
-  WaitUntil([this] { return !IsRunning(); }, timeout_ms);
+int TestProcess::Wait(int timeout_ms) {
+  PollUntil([this] { return !IsRunning(); }, timeout_ms);
   return exit_code_;
 }
 
-bool ChildProcess::IsRunning() {
+bool TestProcess::IsRunning() {
   if (pid_ <= 0) return false;
   int status = 0;
   if (waitpid(pid_, &status, WNOHANG) != pid_) return true;
@@ -122,37 +122,37 @@ int FreePort() {
 
 std::string HubUrl(int port) { return "tcpq://127.0.0.1:" + std::to_string(port); }
 
-ChildProcess StartHub(int port, const std::string& log_path) {
-  return ChildProcess({ProgramPath("mapmend"), "hub", "--port", std::to_string(port)}, log_path);
+TestProcess StartHub(int port, const std::string& log_path) {
+  return TestProcess({ProgramPath("mapmend"), "hub", "--port", std::to_string(port)}, log_path);
 }
 
-ChildProcess StartStore(const std::string& db, int port, const std::string& log_path) {
-  return ChildProcess({ProgramPath("submap_store"), "--db", db, "--lcm-url", HubUrl(port)}, log_path);
+TestProcess StartStore(const std::string& db, int port, const std::string& log_path) {
+  return TestProcess({ProgramPath("submap_store"), "--db", db, "--lcm-url", HubUrl(port)}, log_path);
 }
 
-std::string ReadTextFile(const std::string& path) {
+std::string ReadWholeFile(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   std::stringstream text;
   text << in.rdbuf();
   return text.str();
 }
 
-CommandResult RunCommand(const std::vector<std::string>& command, const std::string& log_path) {
+TestOutput RunProgram(const std::vector<std::string>& command, const std::string& log_path) {
   unlink(log_path.c_str());
-  ChildProcess child(command, log_path);
-  CommandResult result;
+  TestProcess child(command, log_path);
+  TestOutput result;
   result.exit_code = child.Wait(60000);
-  result.output = ReadTextFile(log_path);
+  result.output = ReadWholeFile(log_path);
   return result;
 }
 
-void SleepMs(int ms) { usleep(static_cast<useconds_t>(ms) * 1000); }
+void PauseMs(int ms) { usleep(static_cast<useconds_t>(ms) * 1000); }
 
-bool WaitUntil(const std::function<bool()>& condition, int timeout_ms) {
+bool PollUntil(const std::function<bool()>& condition, int timeout_ms) {
   const auto deadline = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);
   while (!condition()) {
     if (std::chrono::steady_clock::now() >= deadline) return false;
-    SleepMs(5);
+    PauseMs(5);
   }
   return true;
 }
@@ -185,7 +185,7 @@ void RunFrontend(const SyntheticStreamOptions& flight, int port, const std::stri
   }
   while (sender.AcknowledgedSeq() < sender.LastSeq()) {
     publish_progress();
-    SleepMs(5);
+    PauseMs(5);
   }
   publish_progress();
 }

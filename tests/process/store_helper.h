@@ -12,14 +12,14 @@
 namespace mapmend {
 
 // A child process; killed, at the latest, with the object, and by the kernel if the test dies.
-class ChildProcess {
+class TestProcess {
  public:
-  ChildProcess() = default;
-  ChildProcess(const std::vector<std::string>& command, const std::string& log_path);
-  explicit ChildProcess(const std::function<void()>& body);  // forked; exits when body returns
-  ~ChildProcess();
-  ChildProcess(ChildProcess&& other) noexcept;
-  ChildProcess& operator=(ChildProcess&& other) noexcept;
+  TestProcess() = default;
+  TestProcess(const std::vector<std::string>& command, const std::string& log_path);
+  explicit TestProcess(const std::function<void()>& body);  // forked; exits when body returns
+  ~TestProcess();
+  TestProcess(TestProcess&& other) noexcept;
+  TestProcess& operator=(TestProcess&& other) noexcept;
 
   void Signal(int signal);
   void Kill();      // SIGKILL, and waits
@@ -38,21 +38,21 @@ class ChildProcess {
 std::string ProgramPath(const std::string& name);
 // A port nobody listens on at the moment.
 int FreePort();
-ChildProcess StartHub(int port, const std::string& log_path);
-ChildProcess StartStore(const std::string& db, int port, const std::string& log_path);
+TestProcess StartHub(int port, const std::string& log_path);
+TestProcess StartStore(const std::string& db, int port, const std::string& log_path);
 std::string HubUrl(int port);
-std::string ReadTextFile(const std::string& path);
+std::string ReadWholeFile(const std::string& path);
 
 // Runs a command to its end; what it printed and its exit code.
-struct CommandResult {
+struct TestOutput {
   int exit_code = -1;
   std::string output;
 };
-CommandResult RunCommand(const std::vector<std::string>& command, const std::string& log_path);
+TestOutput RunProgram(const std::vector<std::string>& command, const std::string& log_path);
 
-void SleepMs(int ms);
+void PauseMs(int ms);
 // Calls condition every few milliseconds until it holds or timeout_ms have passed.
-bool WaitUntil(const std::function<bool()>& condition, int timeout_ms);
+bool PollUntil(const std::function<bool()>& condition, int timeout_ms);
 
 // What a frontend process of the test says of itself, in memory shared with the test.
 struct SharedProgress {

@@ -15,7 +15,7 @@
 #include "libs/bus/stream_consumer.h"
 #include "procs/submap_store/database.h"
 #include "tests/process/store_helper.h"
-#include "tests/temporary_folder.h"
+#include "tests/scratch_folder.h"
 
 namespace mapmend {
 namespace {
@@ -44,7 +44,7 @@ class StreamConsumerTest : public ::testing::Test {
     });
   }
   bool SpinUntil(const std::function<bool()>& done, int timeout_ms = 60000) {
-    return WaitUntil(
+    return PollUntil(
         [&] {
           consumer_->Spin(5);
           return done();
@@ -63,12 +63,12 @@ class StreamConsumerTest : public ::testing::Test {
     }
   }
 
-  TemporaryFolder folder_;
+  ScratchFolder folder_;
   std::string db_ = folder_.File("map.db"), log_ = folder_.File("log.txt");
   SyntheticStreamOptions flight_;
   SharedProgress* progress_ = nullptr;
   int port_ = 0, num_consumers_ = 0;
-  ChildProcess hub_, store_;
+  TestProcess hub_, store_;
   std::unique_ptr<Bus> bus_;
   std::unique_ptr<StoreClient> client_;
   std::unique_ptr<StreamConsumer> consumer_;
@@ -76,7 +76,7 @@ class StreamConsumerTest : public ::testing::Test {
 };
 
 TEST_F(StreamConsumerTest, DeliversEverythingOnceWhateverDiesMeanwhile) {
-  ChildProcess frontend([this] { RunFrontend(flight_, port_, folder_.File("outbox"), 10000, progress_); });
+  TestProcess frontend([this] { RunFrontend(flight_, port_, folder_.File("outbox"), 10000, progress_); });
   ASSERT_TRUE(SpinUntil([&] { return delivered_.size() > 20; }));
   store_.Kill();
   SpinUntil([] { return false; }, 200);
@@ -96,7 +96,7 @@ TEST_F(StreamConsumerTest, DeliversEverythingOnceWhateverDiesMeanwhile) {
 
 TEST_F(StreamConsumerTest, DeliversNothingThatTheStoreDoesNotHave) {
   ASSERT_TRUE(SpinUntil([&] { return bus_->IsConnected(); }, 5000));
-  ChildProcess frontend([this] { RunFrontend(flight_, port_, folder_.File("outbox"), 5000, progress_); });
+  TestProcess frontend([this] { RunFrontend(flight_, port_, folder_.File("outbox"), 5000, progress_); });
   ASSERT_TRUE(SpinUntil([&] { return delivered_.size() > 10; }));
   store_.Kill();
   SpinUntil([] { return false; }, 500);  // the frontend goes on, and is heard
@@ -106,7 +106,7 @@ TEST_F(StreamConsumerTest, DeliversNothingThatTheStoreDoesNotHave) {
 }
 
 TEST_F(StreamConsumerTest, ASessionOfADeadFrontendCanBeClosed) {
-  ChildProcess frontend([this] { RunFrontend(flight_, port_, folder_.File("outbox"), 10000, progress_); });
+  TestProcess frontend([this] { RunFrontend(flight_, port_, folder_.File("outbox"), 10000, progress_); });
   ASSERT_TRUE(SpinUntil([&] { return delivered_.size() > 20; }));
   const auto alive = client_->CloseSession(flight_.session, 300);
   ASSERT_TRUE(alive);

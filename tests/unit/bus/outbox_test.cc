@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "tests/temporary_folder.h"
+#include "tests/scratch_folder.h"
 
 namespace mapmend {
 namespace {
@@ -18,7 +18,7 @@ EncodedRecord MakeRecord(int64_t seq, size_t size = 1000) {
 
 class OutboxTest : public ::testing::Test {
  protected:
-  TemporaryFolder folder_;
+  ScratchFolder folder_;
   std::string path_ = folder_.File("outbox");
 };
 

@@ -16,7 +16,7 @@
 #include "procs/submap_store/sha256.h"
 #include "procs/submap_store/submap_store.h"
 #include "tests/synthetic_stream.h"
-#include "tests/temporary_folder.h"
+#include "tests/scratch_folder.h"
 
 namespace mapmend {
 namespace {
@@ -66,7 +66,7 @@ class DbFiles : public ::testing::Test {
     SQLite::Database database(path, SQLite::OPEN_READONLY);
     return database.execAndGet(sql).getInt64();
   }
-  TemporaryFolder folder_;
+  ScratchFolder folder_;
   std::string db_ = folder_.File("map.db");
 };
 

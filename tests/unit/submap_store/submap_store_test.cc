@@ -7,8 +7,9 @@
 #include "libs/bus/bus.h"
 #include "libs/bus/codec.h"
 #include "procs/submap_store/db_commands.h"
+#include "tests/mutate_message.h"
 #include "tests/synthetic_stream.h"
-#include "tests/temporary_folder.h"
+#include "tests/scratch_folder.h"
 
 namespace mapmend {
 namespace {
@@ -40,7 +41,7 @@ class SubmapStoreTest : public ::testing::Test {
   int64_t Cumulative() { return store_->Ack(options_.session).cumulative; }
   std::vector<int64_t> Missing() { return store_->Ack(options_.session).missing; }
 
-  TemporaryFolder folder_;
+  ScratchFolder folder_;
   SyntheticStreamOptions options_;
   std::unique_ptr<SubmapStore> store_;
   int64_t now_ms_ = 1000000;
@@ -229,6 +230,59 @@ TEST_F(SubmapStoreTest, QueryFindsTheSamePlaceInAnotherSubmap) {
   ASSERT_GE(result.num_candidates, 1);
   EXPECT_EQ(result.candidates[0].submap, 0);
   EXPECT_EQ(result.candidates[0].keyframe, 4);
+}
+
+// Whoever can reach the bus can send anything. The store goes on, what it stores fits together, and honest requests are answered.
+TEST_F(SubmapStoreTest, DamagedMessagesOfAllKindsDoNoHarm) {
+  Open();
+  options_.num_features = 20;
+  options_.points_per_keyframe = 15;
+  options_.num_words = 20;
+  const auto records = MakeSyntheticStream(options_);
+  std::mt19937 random(3);
+  const auto mutated = [&](const auto& message, auto* result) {
+    const std::vector<uint8_t> data = MutateMessage(EncodeMessage(message), &random);
+    return DecodeMessage(data.data(), static_cast<int>(data.size()), result);
+  };
+  bow_query_t query{};
+  query.session = options_.session;
+  query.cursors.resize(1);
+  query.num_cursors = 1;
+  query.cursors[0].session = options_.session;
+  fetch_t fetch{};
+  fetch.session = options_.session;
+  fetch.last_seq = 100;
+  fetch.max_bytes = 1000;
+  stream_state_t state{};
+  state.session = options_.session;
+  for (size_t i = 0; i < records.size(); ++i) {
+    for (int k = 0; k < 30; ++k) {
+      const EncodedRecord encoded = EncodeRecord(records[random() % records.size()]);
+      const std::vector<uint8_t> data = MutateMessage(encoded.data, &random);
+      store_->OnRecord(encoded.channel, data.data(), static_cast<int>(data.size()), now_ms_);
+    }
+    Offer(records[i]);
+    state.last = static_cast<int64_t>(i);
+    state.utime = 1000000 * now_ms_;
+    stream_state_t bad_state{};
+    if (mutated(state, &bad_state)) store_->OnHeartbeat(bad_state, now_ms_, 1000000 * now_ms_);
+    query.cursors[0].seq = static_cast<int64_t>(i);
+    query.keyframe = static_cast<int32_t>(i / 3);
+    bow_query_t bad_query{};
+    if (mutated(query, &bad_query)) store_->Query(bad_query);
+    fetch_t bad_fetch{};
+    if (mutated(fetch, &bad_fetch)) store_->Fetch(bad_fetch);
+    revision_fetch_t bad_revision{};
+    if (mutated(revision_fetch_t{}, &bad_revision)) store_->revisions()->Fetch(bad_revision);
+    Commit();
+  }
+  EXPECT_GE(Cumulative(), static_cast<int64_t>(records.size()) - 1);
+  EXPECT_GT(store_->GetStatus(now_ms_).refused, 100);
+  fetch.first_seq = 0;
+  EXPECT_EQ(store_->Fetch(fetch).status, fetched_t::OK);
+  store_.reset();
+  const auto problems = CheckDb(folder_.File("map.db"));
+  EXPECT_TRUE(problems.empty()) << problems.front();
 }
 
 // A restarted merger asks again what it asked before; the store has gone on meanwhile.
