@@ -1,6 +1,7 @@
 #include "libs/features/corner.h"
 
 #include <algorithm>
+#include <cmath>
 #include <tuple>
 
 namespace mapmend {
@@ -40,8 +41,8 @@ void Split(const std::vector<Coded>& coded, const Node& node, std::vector<Node>*
   }
 }
 
-bool IsBetter(const Corner& a, const Corner& b) {
-  return std::tuple(-a.score, a.y, a.x) < std::tuple(-b.score, b.y, b.x);
+bool IsStronger(const Coded& a, const Coded& b) {
+  return a.corner.strength != b.corner.strength ? a.corner.strength > b.corner.strength : a.code < b.code;
 }
 
 std::vector<Node> BuildQuadtree(const std::vector<Coded>& coded, int num_wanted) {
@@ -79,7 +80,7 @@ std::vector<Node> BuildQuadtree(const std::vector<Coded>& coded, int num_wanted)
 
 }  // namespace
 
-std::vector<Corner> SelectSpread(const std::vector<Corner>& corners, int num_wanted) {
+std::vector<Corner> SelectSpread(const std::vector<Corner>& corners, int num_wanted, int per_node) {
   if (num_wanted <= 0 || corners.empty()) return {};
   std::vector<Coded> coded;
   coded.reserve(corners.size());
@@ -89,14 +90,20 @@ std::vector<Corner> SelectSpread(const std::vector<Corner>& corners, int num_wan
   const auto by_code = [](const Coded& a, const Coded& b) { return a.code < b.code; };
   std::sort(coded.begin(), coded.end(), by_code);
 
-  std::vector<Coded> kept;
-  for (const Node& node : BuildQuadtree(coded, num_wanted)) {
-    kept.push_back(*std::min_element(coded.begin() + node.begin, coded.begin() + node.end,
-                                     [](const Coded& a, const Coded& b) { return IsBetter(a.corner, b.corner); }));
+  std::vector<Coded> kept, others;
+  for (const Node& node : BuildQuadtree(coded, std::max(1, num_wanted / per_node))) {
+    const auto begin = coded.begin() + node.begin, end = coded.begin() + node.end;
+    const auto limit = begin + std::min(per_node, node.Count());
+    std::partial_sort(begin, limit, end, IsStronger);
+    kept.insert(kept.end(), begin, limit);
+    others.insert(others.end(), limit, end);
   }
-  if (static_cast<int>(kept.size()) > num_wanted) {
-    std::nth_element(kept.begin(), kept.begin() + num_wanted, kept.end(),
-                     [](const Coded& a, const Coded& b) { return IsBetter(a.corner, b.corner); });
+  const int num_missing = std::min(num_wanted - static_cast<int>(kept.size()), static_cast<int>(others.size()));
+  if (num_missing > 0) {
+    std::nth_element(others.begin(), others.begin() + num_missing - 1, others.end(), IsStronger);
+    kept.insert(kept.end(), others.begin(), others.begin() + num_missing);
+  } else if (static_cast<int>(kept.size()) > num_wanted) {
+    std::nth_element(kept.begin(), kept.begin() + num_wanted, kept.end(), IsStronger);
     kept.resize(num_wanted);
   }
   std::sort(kept.begin(), kept.end(), by_code);
@@ -104,6 +111,43 @@ std::vector<Corner> SelectSpread(const std::vector<Corner>& corners, int num_wan
   selected.reserve(kept.size());
   for (const Coded& c : kept) selected.push_back(c.corner);
   return selected;
+}
+
+std::vector<Corner> Preselect(std::vector<Corner> corners, int width, int height, int num_wanted) {
+  const size_t enough = 4 * static_cast<size_t>(std::max(1, num_wanted));
+  int per_square = 16;
+  if (corners.size() <= enough) return corners;
+  const int side =
+      std::max(8, static_cast<int>(std::sqrt(static_cast<double>(width) * height / std::max(1, num_wanted))));
+  const int columns = width / side + 1, rows = height / side + 1;
+  // Counting sort by square.
+  std::vector<int> first(static_cast<size_t>(columns) * rows + 1, 0);
+  const auto square = [&](const Corner& c) { return c.y / side * columns + c.x / side; };
+  for (const Corner& c : corners) ++first[square(c) + 1];
+  for (size_t i = 1; i < first.size(); ++i) first[i] += first[i - 1];
+  std::vector<Corner> sorted(corners.size());
+  std::vector<int> at(first.begin(), first.end() - 1);
+  for (const Corner& c : corners) sorted[at[square(c)]++] = c;
+
+  const auto kept_at = [&](int limit) {
+    size_t kept = 0;
+    for (size_t i = 0; i + 1 < first.size(); ++i) kept += std::min(limit, first[i + 1] - first[i]);
+    return kept;
+  };
+  while (kept_at(per_square) < enough) per_square *= 2;
+  corners.clear();
+  for (size_t i = 0; i + 1 < first.size(); ++i) {
+    const auto begin = sorted.begin() + first[i], end = sorted.begin() + first[i + 1];
+    if (end - begin > per_square) {
+      std::nth_element(begin, begin + per_square, end, [](const Corner& a, const Corner& b) {
+        return std::tuple(-a.score, a.y, a.x) < std::tuple(-b.score, b.y, b.x);
+      });
+      corners.insert(corners.end(), begin, begin + per_square);
+    } else {
+      corners.insert(corners.end(), begin, end);
+    }
+  }
+  return corners;
 }
 
 std::vector<int> ShareOut(const std::vector<double>& weights, const std::vector<int>& available, int num_wanted) {

@@ -18,6 +18,7 @@ struct OrbOptions {
   int fast_threshold = 20;     // grey levels
   int min_fast_threshold = 7;  // in cells without a corner at fast_threshold
   int cell_size = 32;          // pixels of the level; the cells of the adaptive threshold
+  int corners_per_node = 4;    // 1: spread as evenly as can be; more: stronger corners, found again more often
 
   // Throws std::invalid_argument naming the option that is out of range.
   void Check() const;
@@ -34,7 +35,8 @@ struct RawFeatures {
 };
 
 // ORB features: FAST corners on an image pyramid with a threshold that adapts per cell, spread evenly over image and
-// levels, oriented by intensity centroid, described by oriented BRIEF (Rublee et al., ICCV 2011). Descriptors fit the
+// levels, refined to subpixels,
+// oriented by intensity centroid, described by oriented BRIEF (Rublee et al., ICCV 2011). Descriptors fit the
 // vocabularies of ORB-SLAM. Same image and options, same bits. Thread-safe.
 class OrbExtractor {
  public:

@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "libs/features/orb_pattern.h"
+#include "libs/features/patch_kernels.h"
 
 namespace mapmend {
 namespace {
@@ -27,46 +28,28 @@ float PortableAtan2(float y, float x) {
   return y < 0 ? -angle : angle;
 }
 
-OrientedBrief::OrientedBrief() : rotated_(kNumAngles * 512) {
+OrientedBrief::OrientedBrief() : offsets_(kNumAngles * 512) {
+  constexpr int kCenter = PatchKernels::kBlurRadius * (PatchKernels::kBlurStride + 1);
   for (int a = 0; a < kNumAngles; ++a) {
     const double angle = 2 * std::numbers::pi * a / kNumAngles;
     const double c = std::cos(angle), s = std::sin(angle);
     for (int i = 0; i < 512; ++i) {
       const int x = kOrbPattern[2 * i], y = kOrbPattern[2 * i + 1];
-      rotated_[a * 512 + i] = {static_cast<int8_t>(RoundStable(x * c - y * s)),
-                               static_cast<int8_t>(RoundStable(x * s + y * c))};
+      offsets_[a * 512 + i] = static_cast<int16_t>(kCenter + RoundStable(x * s + y * c) * PatchKernels::kBlurStride +
+                                                   RoundStable(x * c - y * s));
     }
-  }
-  for (int y = 0; y <= kRadius; ++y) {
-    half_width_[y] = static_cast<int>(std::floor(std::sqrt(kRadius * kRadius - y * y + 1e-6)));
   }
 }
 
-float OrientedBrief::Angle(const uint8_t* center, int stride) const {
-  int m10 = 0, m01 = 0;
-  for (int y = -kRadius; y <= kRadius; ++y) {
-    const uint8_t* row = center + y * stride;
-    const int w = half_width_[std::abs(y)];
-    int sum = 0;
-    for (int x = -w; x <= w; ++x) {
-      m10 += x * row[x];
-      sum += row[x];
-    }
-    m01 += y * sum;
-  }
-  return PortableAtan2(static_cast<float>(m01), static_cast<float>(m10));
-}
-
-Descriptor OrientedBrief::Describe(const uint8_t* center, int stride, float angle) const {
+Descriptor OrientedBrief::Describe(const uint8_t* patch, float angle) const {
   const float steps = angle * (kNumAngles / (2 * kPi));
   const int index = static_cast<int>(std::floor(steps + 0.5f)) & (kNumAngles - 1);
-  const Offset* offset = &rotated_[index * 512];
-  const auto value = [&](const Offset& o) { return center[o.y * stride + o.x]; };
+  const int16_t* offset = &offsets_[index * 512];
   Descriptor descriptor;
   for (uint64_t& word : descriptor) {
     uint64_t bits = 0;
     for (int bit = 0; bit < 64; ++bit, offset += 2) {
-      bits |= static_cast<uint64_t>(value(offset[0]) < value(offset[1])) << bit;
+      bits |= static_cast<uint64_t>(patch[offset[0]] < patch[offset[1]]) << bit;
     }
     word = bits;
   }

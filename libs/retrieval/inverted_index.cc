@@ -1,8 +1,8 @@
 #include "libs/retrieval/inverted_index.h"
 
 #include <algorithm>
+#include <numeric>
 #include <stdexcept>
-#include <tuple>
 
 namespace mapmend {
 namespace {
@@ -21,7 +21,14 @@ void CheckBow(const BowVector& bow) {
 
 int32_t InvertedIndex::Add(const BowVector& bow, const IndexEntry& entry) {
   CheckBow(bow);
+  if (entry.session < 0 || entry.session >= kMaxSessions)
+    throw std::invalid_argument("index: session number out of range");
   const int32_t handle = Size();
+  if (static_cast<size_t>(entry.session) >= sessions_.size()) sessions_.resize(entry.session + 1);
+  std::vector<int32_t>& session = sessions_[entry.session];
+  session.insert(std::upper_bound(session.begin(), session.end(), entry.keyframe,
+                                  [&](int32_t keyframe, int32_t h) { return keyframe < entries_[h].keyframe; }),
+                 handle);
   entries_.push_back(entry);
   num_words_.push_back(bow.Size());
   for (int i = 0; i < bow.Size(); ++i) {
@@ -45,7 +52,6 @@ const std::vector<InvertedIndex::Posting>* InvertedIndex::Find(int32_t word) con
 void InvertedIndex::Remove(int32_t handle, int64_t removed_seq) { entries_[handle].removed_seq = removed_seq; }
 
 bool InvertedIndex::IsInScope(const IndexEntry& entry, const IndexScope& scope) const {
-  if (entry.session < 0 || static_cast<size_t>(entry.session) >= scope.last_seq.size()) return false;
   const int64_t last_seq = scope.last_seq[entry.session];
   if (entry.seq > last_seq || entry.removed_seq <= last_seq) return false;
   return entry.session != scope.excluded_session || entry.submap != scope.excluded_submap;
@@ -71,20 +77,21 @@ std::vector<IndexHit> InvertedIndex::Query(const BowVector& query, const IndexSc
   for (const int32_t handle : scope.excluded_handles) {
     if (handle >= 0 && handle < Size()) sums[handle].common_words = 0;
   }
+  std::vector<int32_t> order(std::min(sessions_.size(), scope.last_seq.size()));
+  std::iota(order.begin(), order.end(), 0);
+  const auto rank = [&](int32_t session) {
+    return static_cast<size_t>(session) < scope.session_rank.size() ? scope.session_rank[session] : session;
+  };
+  std::stable_sort(order.begin(), order.end(), [&](int32_t a, int32_t b) { return rank(a) < rank(b); });
   std::vector<IndexHit> hits;
-  for (int32_t handle = 0; handle < Size(); ++handle) {
-    const Sum& sum = sums[handle];
-    if (sum.common_words > 0 && IsInScope(entries_[handle], scope)) {
-      hits.push_back({handle, sum.common_words, num_words_[handle], sum.score});
+  for (const int32_t session : order) {
+    for (const int32_t handle : sessions_[session]) {
+      const Sum& sum = sums[handle];
+      if (sum.common_words > 0 && IsInScope(entries_[handle], scope)) {
+        hits.push_back({handle, sum.common_words, num_words_[handle], sum.score});
+      }
     }
   }
-  const auto order = [&](const IndexHit& hit) {
-    const IndexEntry& entry = entries_[hit.handle];
-    const bool ranked = static_cast<size_t>(entry.session) < scope.session_rank.size();
-    return std::tuple(ranked ? scope.session_rank[entry.session] : entry.session, entry.keyframe, hit.handle);
-  };
-  const auto before = [&](const IndexHit& a, const IndexHit& b) { return order(a) < order(b); };
-  if (!std::is_sorted(hits.begin(), hits.end(), before)) std::sort(hits.begin(), hits.end(), before);
   return hits;
 }
 
@@ -92,6 +99,7 @@ int64_t InvertedIndex::Bytes() const {
   constexpr int64_t kMallocHeader = 8, kMallocStep = 16;
   int64_t bytes = static_cast<int64_t>(entries_.capacity() * sizeof(IndexEntry) +
                                        num_words_.capacity() * sizeof(int32_t) + pages_.capacity() * sizeof(Page));
+  for (const auto& session : sessions_) bytes += static_cast<int64_t>(session.capacity() * sizeof(int32_t));
   for (const Page& page : pages_) {
     bytes += static_cast<int64_t>(page.capacity() * sizeof(page[0]));
     for (const std::vector<Posting>& list : page) {

@@ -46,6 +46,7 @@ struct IndexHit {
 class InvertedIndex {
  public:
   static constexpr int32_t kMaxWords = 1 << 24;  // of a vocabulary
+  static constexpr int32_t kMaxSessions = 1 << 20;
 
   // Throws std::invalid_argument if words are not ascending, not in [0, kMaxWords), or lengths differ; then nothing is
   // added.
@@ -74,9 +75,10 @@ class InvertedIndex {
   const std::vector<Posting>* Find(int32_t word) const;
   bool IsInScope(const IndexEntry& entry, const IndexScope& scope) const;
 
-  std::vector<IndexEntry> entries_;  // per handle
-  std::vector<int32_t> num_words_;   // per handle
-  std::vector<Page> pages_;          // per word its keyframes, ascending by handle; pages never used are empty
+  std::vector<IndexEntry> entries_;             // per handle
+  std::vector<int32_t> num_words_;              // per handle
+  std::vector<std::vector<int32_t>> sessions_;  // per session number its handles, ascending by keyframe
+  std::vector<Page> pages_;  // per word its keyframes, ascending by handle; pages never used are empty
 };
 
 }  // namespace mapmend

@@ -116,8 +116,8 @@ TEST(OrbExtractor, GivesTheNumberAskedForSpreadOverTheImage) {
     ++cells[static_cast<int>(k.pixel.y() / 100) * 8 + static_cast<int>(k.pixel.x() / 100)];
     ++octaves[k.octave];
   }
-  EXPECT_GE(*std::min_element(cells.begin(), cells.end()), 8);
-  EXPECT_LE(*std::max_element(cells.begin(), cells.end()), 45);
+  EXPECT_GE(*std::min_element(cells.begin(), cells.end()), 3);
+  EXPECT_LE(*std::max_element(cells.begin(), cells.end()), 65);
   EXPECT_GE(*std::min_element(octaves.begin(), octaves.end()), 30);
   EXPECT_EQ(octaves[0], 217);  // 1000 * 1 / (1 + 1/1.2 + ... + 1/1.2^7)
 }
@@ -127,15 +127,15 @@ TEST(OrbExtractor, RepeatsUnderRotationScaleAndPerspective) {
   for (const double degrees : {25.0, 90.0, 200.0}) {
     const double rotation = degrees * std::numbers::pi / 180;
     const WarpResult r = MeasureWarp(image, SimilarityAbout(image, rotation, 1), 1, rotation);
-    EXPECT_GT(r.repeatability, 0.55) << degrees;
+    EXPECT_GT(r.repeatability, 0.65) << degrees;
     EXPECT_GT(r.match_rate, 0.75) << degrees;
     EXPECT_LT(r.median_error, 0.7) << degrees;
   }
   const WarpResult larger = MeasureWarp(image, SimilarityAbout(image, 0.1, 1.3), 1.3, 0.1);
-  EXPECT_GT(larger.repeatability, 0.5);
-  EXPECT_GT(larger.match_rate, 0.7);
+  EXPECT_GT(larger.repeatability, 0.7);
+  EXPECT_GT(larger.match_rate, 0.65);
   const WarpResult oblique = MeasureWarp(image, {1, 0.08, -20, 0.02, 1.05, -10, 5e-5, -8e-5, 1}, 1, 0);
-  EXPECT_GT(oblique.repeatability, 0.5);
+  EXPECT_GT(oblique.repeatability, 0.65);
   EXPECT_GT(oblique.match_rate, 0.75);
 }
 
@@ -159,7 +159,7 @@ TEST(OrbExtractor, CoarseOctavesAreNotBiased) {
       });
     }
     ASSERT_GT(num, 0) << octave;
-    EXPECT_GT(near, 0.6 * num) << octave;
+    EXPECT_GT(near, 0.5 * num) << octave;
   }
 }
 

@@ -106,6 +106,7 @@ TEST(InvertedIndex, RefusesBadVectorsUnchanged) {
   EXPECT_THROW(index.Add(Bow({3, 3}), {}), std::invalid_argument);
   EXPECT_THROW(index.Add(Bow({-1, 3}), {}), std::invalid_argument);
   EXPECT_THROW(index.Add(Bow({1, InvertedIndex::kMaxWords}), {}), std::invalid_argument);
+  EXPECT_THROW(index.Add(Bow({1}), {.session = -1}), std::invalid_argument);
   EXPECT_THROW(index.Query(Bow({4, 2}), {.last_seq = {9}}), std::invalid_argument);
   BowVector uneven = Bow({1, 2});
   uneven.weights.pop_back();
