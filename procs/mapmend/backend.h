@@ -29,7 +29,7 @@ struct BackendOptions {
   int port = 0;  // of the live page, 0: none
   bool with_merger = true;
   int ready_timeout_ms = 60000;
-  int silent_timeout_ms = 120000;  // a process whose health is silent for so long has hung
+  int silent_timeout_ms = 300000;  // a process whose health is silent for so long has hung
 };
 
 // The processes behind a camera or a log: hub, store, merger, viewer; started in this order, each when the one before

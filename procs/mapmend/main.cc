@@ -9,7 +9,7 @@ int main(int argc, char** argv) {
   CLI::App app("mapmend mends broken visual SLAM maps: submaps, an undirected connected graph, one merged map.",
                "mapmend");
   app.set_version_flag("--version", std::string("mapmend ") + MAPMEND_VERSION);
-  app.require_subcommand(1);
+  app.require_subcommand(0, 1);
   app.footer("`mapmend COMMAND --help` tells more.");
   mapmend::AddRunCommand(&app);
   mapmend::AddReplayCommand(&app);
@@ -22,7 +22,9 @@ int main(int argc, char** argv) {
   mapmend::AddHubCommand(&app);
   try {
     app.parse(argc, argv);
-    return 0;
+    if (!app.get_subcommands().empty()) return 0;
+    std::cerr << "mapmend: no command given\n\n" << app.help();
+    return 1;
   } catch (const CLI::ParseError& e) {
     return app.exit(e);
   } catch (const std::exception& e) {

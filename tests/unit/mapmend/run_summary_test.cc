@@ -1,0 +1,70 @@
+#include "procs/mapmend/run_summary.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "libs/geometry/write_file.h"
+#include "procs/mapmend/progress.h"
+
+namespace mapmend {
+namespace {
+
+class RunSummaryTest : public testing::Test {
+ protected:
+  RunSummaryTest() : out_(testing::TempDir() + "/run_summary_" + std::to_string(getpid())) {
+    std::filesystem::create_directories(out_);
+  }
+  ~RunSummaryTest() override { std::filesystem::remove_all(out_); }
+  std::string out_;
+};
+
+TEST_F(RunSummaryTest, AddsWhatOnlyTheLauncherKnowsAndKeepsTheRest) {
+  WriteFile(out_ + "/summary.json", R"({"frames_in": 172, "ate_rmse_m": 0.15})");
+  LauncherFigures figures;
+  figures.wall_s = 64.25;
+  figures.track_ms_median = 14.5;
+  figures.track_ms_p95 = 37.25;
+  figures.processes = {{"hub", {0.5, 70}}, {"frontend", {12.25, 122}}};
+  CompleteSummary(out_, figures);
+  const auto summary = nlohmann::json::parse(ReadFile(out_ + "/summary.json"));
+  EXPECT_EQ(summary, nlohmann::json::parse(R"({
+    "frames_in": 172, "ate_rmse_m": 0.15, "wall_s": 64.25, "frontend": {"track_ms_median": 14.5, "track_ms_p95": 37.25},
+    "processes": [{"name": "hub", "cpu_s": 0.5, "peak_rss_mb": 70}, {"name": "frontend", "cpu_s": 12.25, "peak_rss_mb": 122}]})"));
+}
+
+TEST_F(RunSummaryTest, PrintsATable) {
+  WriteFile(out_ + "/summary.json", R"({
+    "frames_in": 172, "frames_tracked": 171, "frames_in_main": 86, "losses": 1, "keyframes_in_main": 80, "keyframes_total": 166,
+    "points_in_main": 7242, "submaps": [{}, {}], "components": [{}, {}], "wall_s": 86.0,
+    "connections": [{"verdict": "accepted"}, {"verdict": "rejected"}], "processes": [{"name": "hub", "cpu_s": 0.5, "peak_rss_mb": 70}]})");
+  EXPECT_EQ(FormatSummaryTable(out_),
+            "  frames       172 read, 171 tracked, 86 in the main map (50.0 %)\n"
+            "  losses       1\n"
+            "  submaps      2 in 2 components\n"
+            "  connections  1 accepted of 2 evaluated\n"
+            "  keyframes    80 of 166 in the main map, 7242 points\n"
+            "  time         1:26 (2.0 frames/s)\n"
+            "  hub              0.5 CPU s      70 MB\n");
+}
+
+TEST_F(RunSummaryTest, NamesASummaryThatIsNone) {
+  WriteFile(out_ + "/summary.json", "[]");
+  try {
+    FormatSummaryTable(out_);
+    FAIL() << "no error";
+  } catch (const std::runtime_error& e) {
+    EXPECT_EQ(e.what(), out_ + "/summary.json is not a JSON object");
+  }
+}
+
+TEST(FormatDuration, ShowsHoursOnlyWhenThereAreSome) {
+  EXPECT_EQ(FormatDuration(5.4), "0:05");
+  EXPECT_EQ(FormatDuration(65), "1:05");
+  EXPECT_EQ(FormatDuration(3725), "1:02:05");
+}
+
+}  // namespace
+}  // namespace mapmend
