@@ -30,7 +30,7 @@ void AddRunCommand(CLI::App* app) {
   sub->add_option("--record", options->record, "folder: lcm-logger writes mapmend.lcmlog there, for `mapmend replay`");
   sub->add_option("--port", options->port, "of the live page, 0: none (default: a free one from 8080 on)");
   sub->add_option("--vehicle", options->vehicle, "name of the camera's carrier, for the report");
-  sub->add_option("--session", options->session, "id of this flight in the map, a UUID (default: a new one)");
+  sub->add_option("--session", options->session, "id of this flight in the map, a UUID (default: made from input and options; new with --append)");
   sub->add_option("--lcm-url", options->lcm_url,
                   "LCM network, e.g. tcpq://127.0.0.1:7700; a hub is started there unless one runs (default: "
                   "$LCM_DEFAULT_URL, else a "

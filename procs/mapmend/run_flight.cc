@@ -2,12 +2,14 @@
 
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <stdexcept>
 
 #include "libs/bus/process.h"
 #include "libs/geometry/write_file.h"
+#include "libs/mapping/session_id.h"
 #include "procs/mapmend/backend.h"
 #include "procs/mapmend/finish_run.h"
 #include "procs/mapmend/out_folder.h"
@@ -27,6 +29,19 @@ std::string NewSession() {
   if (!(file >> uuid))
     throw std::runtime_error("cannot make a session id: /proc/sys/kernel/random/uuid cannot be read");
   return uuid;
+}
+
+// A flight's own name: equal input and options give equal streams, down to the name. A flight that joins an existing map gets a
+// new one, because the map may hold it already.
+std::string SessionOf(const RunOptions& options) {
+  if (!options.session.empty()) return options.session;
+  if (options.append) return NewSession();
+  const std::filesystem::path input(options.input);
+  std::string text = std::filesystem::absolute(input).lexically_normal().filename().string();
+  if (std::filesystem::is_regular_file(input)) text += "|" + std::to_string(std::filesystem::file_size(input));
+  for (const std::string& option : {options.skip_frames, options.vehicle}) text += "|" + option;
+  for (const auto& number : {options.seed, options.features, options.max_dimension}) text += "|" + std::to_string(number.value_or(-1));
+  return SessionIdFromText(text);
 }
 
 std::vector<std::string> FrontendArguments(const RunOptions& options, const std::string& session) {
@@ -91,7 +106,7 @@ int RunFlight(const RunInputs& inputs) {
     backend_options.seed = options.seed;
     backend_options.port = port;
     Backend backend(backend_options);
-    const std::string session = options.session.empty() ? NewSession() : options.session;
+    const std::string session = SessionOf(options);
     progress.Say("mapping " + options.input + " into " + options.out + "; bus " + backend.Url() +
                  (port > 0 ? "; live page http://127.0.0.1:" + std::to_string(port) : ""));
     WriteFile(options.out + "/logs/lcm-url", backend.Url() + "\n");

@@ -16,7 +16,7 @@ struct RunOptions {
   std::string groundtruth;  // empty: none
   std::string record;       // folder for a log of the stream; empty: none
   std::string skip_frames;  // e.g. 80-120,200-240
-  std::string session;      // UUID; empty: a new one
+  std::string session;      // UUID; empty: made from input and options, new with append
   std::string vehicle;
   std::string lcm_url;  // empty: LCM_DEFAULT_URL, else a private hub on a free port
   std::string channel_prefix;
