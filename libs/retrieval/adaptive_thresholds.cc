@@ -68,16 +68,19 @@ Selection SelectCandidates(const std::vector<IndexHit>& hits, int num_query_word
                            const std::function<std::vector<int32_t>(int32_t handle)>& covisible,
                            const SelectionOptions& options) {
   Selection selection;
+  std::vector<double> normalized;
+  normalized.reserve(hits.size());
   for (const IndexHit& hit : hits) {
-    selection.max_common_words = std::max(selection.max_common_words, NormalizedCommonWords(hit, num_query_words));
+    normalized.push_back(NormalizedCommonWords(hit, num_query_words));
+    selection.max_common_words = std::max(selection.max_common_words, normalized.back());
   }
   const double min_common_words = std::max<double>(options.min_common_words, thresholds.k * selection.max_common_words);
   std::vector<IndexHit> kept;
   std::unordered_map<int32_t, int> position;  // of a handle in kept
-  for (const IndexHit& hit : hits) {
-    if (NormalizedCommonWords(hit, num_query_words) < min_common_words) continue;
-    position[hit.handle] = static_cast<int>(kept.size());
-    kept.push_back(hit);
+  for (size_t i = 0; i < hits.size(); ++i) {
+    if (normalized[i] < min_common_words) continue;
+    position[hits[i].handle] = static_cast<int>(kept.size());
+    kept.push_back(hits[i]);
   }
 
   // Per kept hit, the best sum of any group it is the best keyframe of.

@@ -17,6 +17,12 @@ void CheckBow(const BowVector& bow) {
   }
 }
 
+// Weights beyond [0, 1], and what is no number, become the nearest bound, 0 respectively.
+uint32_t FixedPoint(float weight, uint32_t one) {
+  if (!(weight > 0)) return 0;
+  return weight >= 1 ? one : static_cast<uint32_t>(weight * static_cast<float>(one) + 0.5f);
+}
+
 }  // namespace
 
 int32_t InvertedIndex::Add(const BowVector& bow, const IndexEntry& entry) {
@@ -38,7 +44,7 @@ int32_t InvertedIndex::Add(const BowVector& bow, const IndexEntry& entry) {
     std::vector<Posting>& list = pages_[page][bow.words[i] % kPageWords];
     // Grows by a quarter only: with a hundred thousand lists, doubling would leave a third of the memory unused.
     if (list.size() == list.capacity()) list.reserve(list.size() + list.size() / 4 + 2);
-    list.push_back({handle, bow.weights[i]});
+    list.push_back({handle, FixedPoint(bow.weights[i], kWeightOne)});
   }
   return handle;
 }
@@ -58,24 +64,20 @@ bool InvertedIndex::IsInScope(const IndexEntry& entry, const IndexScope& scope) 
 }
 
 std::vector<IndexHit> InvertedIndex::Query(const BowVector& query, const IndexScope& scope) const {
-  struct Sum {
-    int32_t common_words = 0;
-    float score = 0;
-  };
   CheckBow(query);
-  std::vector<Sum> sums(entries_.size());
+  // Upper half: common words; lower half: score. One addition serves both, and the query's weights are limited to what
+  // the lower half can hold (they sum to 1 unless they are nonsense).
+  std::vector<uint64_t> sums(entries_.size(), 0);
+  uint32_t left = std::numeric_limits<uint32_t>::max();
   for (int i = 0; i < query.Size(); ++i) {
+    const uint32_t weight = std::min(left, FixedPoint(query.weights[i], kWeightOne));
+    left -= weight;
     const std::vector<Posting>* list = Find(query.words[i]);
     if (!list) continue;
-    const float weight = query.weights[i];
-    for (const Posting& p : *list) {
-      Sum& sum = sums[p.handle];
-      ++sum.common_words;
-      sum.score += std::min(weight, p.weight);
-    }
+    for (const Posting& p : *list) sums[p.handle] += (uint64_t{1} << 32) + std::min(weight, p.weight);
   }
   for (const int32_t handle : scope.excluded_handles) {
-    if (handle >= 0 && handle < Size()) sums[handle].common_words = 0;
+    if (handle >= 0 && handle < Size()) sums[handle] = 0;
   }
   std::vector<int32_t> order(std::min(sessions_.size(), scope.last_seq.size()));
   std::iota(order.begin(), order.end(), 0);
@@ -86,10 +88,9 @@ std::vector<IndexHit> InvertedIndex::Query(const BowVector& query, const IndexSc
   std::vector<IndexHit> hits;
   for (const int32_t session : order) {
     for (const int32_t handle : sessions_[session]) {
-      const Sum& sum = sums[handle];
-      if (sum.common_words > 0 && IsInScope(entries_[handle], scope)) {
-        hits.push_back({handle, sum.common_words, num_words_[handle], sum.score});
-      }
+      if (sums[handle] == 0 || !IsInScope(entries_[handle], scope)) continue;
+      hits.push_back({handle, static_cast<int32_t>(sums[handle] >> 32), num_words_[handle],
+                      static_cast<float>(static_cast<uint32_t>(sums[handle])) / kWeightOne});
     }
   }
   return hits;

@@ -37,7 +37,7 @@ struct IndexHit {
   int32_t handle = -1;
   int32_t common_words = 0;
   int32_t num_words = 0;  // of the keyframe
-  float score = 0;        // L1, as BowScore but summed in single precision, in ascending order of words
+  float score = 0;        // L1, as BowScore, summed in fixed point
 };
 
 // Inverted index over the BoW vectors of keyframes, in memory: per word the keyframes that hold it. A handle is the
@@ -66,8 +66,9 @@ class InvertedIndex {
  private:
   struct Posting {
     int32_t handle;
-    float weight;
+    uint32_t weight;  // in units of 1 / kWeightOne
   };
+  static constexpr uint32_t kWeightOne = 1u << 28;
   // Lists of words come in pages, so that a small index of a large vocabulary (or a forged word id) costs little.
   static constexpr int kPageWords = 1024;
   using Page = std::vector<std::vector<Posting>>;
