@@ -130,9 +130,8 @@ int RunFlight(const RunInputs& inputs) {
       if (complaint.empty() || status.signal != 0) complaint = "frontend ended with " + status.Describe();
     }
     if (!status.Success() && !cut_short) {
-      const auto rescued = CounterOr(&frontend, "frames", 0) > 0
-                               ? RescueSession(&backend, session, options.out + "/outbox")
-                               : std::nullopt;
+      // Its health may not have said yet that it read anything: the store knows.
+      const auto rescued = RescueSession(&backend, session, options.out + "/outbox");
       if (!rescued) throw std::runtime_error(complaint);
       last_seq = *rescued;
       progress.Say(complaint + "; mapping what it has seen");
