@@ -14,13 +14,13 @@ namespace {
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
 
-// The last frames of the first flight and the first of the second: two submaps.
+// The second half of the first flight and the first half of the second: two submaps, and long enough to kill each process.
 std::vector<std::string> RunArguments(const std::string& out) {
   return {kProgram,
           "run",
           kFlight + "video.mp4",
           "--skip-frames",
-          "0-59,102-171",
+          "0-39,131-171",
           "--session",
           "7a0f3c52-61d4-4d0b-8f0e-0c9be5a4e101",
           "--seed",
@@ -55,7 +55,7 @@ TEST(Recovery, KilledProcessesComeBackAndTheMapIsTheSame) {
   ASSERT_TRUE(WaitUntil([&] { return FindProcess(run, "/frontend" + end) > 0; }, 60)) << ReadText(folder / "output");
   for (const std::string& program :
        {"/submap_store" + end, "/merger" + end, "/viewer_export" + end, "/mapmend" + end + "hub" + end}) {
-    SleepSeconds(1);
+    SleepSeconds(0.5);
     const pid_t pid = FindProcess(run, program);
     ASSERT_GT(pid, 0) << program;
     kill(pid, SIGKILL);
