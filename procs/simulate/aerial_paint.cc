@@ -178,6 +178,9 @@ void PaintPads(const AerialLayout& layout, const MaterialLibrary& materials, int
     ForEachTexel(layout.Options(), pad.x, pad.y, pad.half_x, pad.half_y, pad.yaw, begin, end, image,
                  [&](double x, double y, double u, double v, uint32_t* texel) {
       if (layout.At(x, y).road < 4.6) return;
+      for (const Lake& lake : layout.Options().lakes) {
+        if (layout.LakeDistance(lake, x, y) < 1.06) return;
+      }
       const Color old = Unpack(*texel);
       Color color = old;
       switch (pad.kind) {

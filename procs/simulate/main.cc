@@ -7,6 +7,7 @@
 #include <iostream>
 #include <thread>
 
+#include "procs/simulate/measure.h"
 #include "procs/simulate/simulator.h"
 
 namespace {
@@ -27,8 +28,8 @@ void ParseRange(const std::string& text, int count, int* first, int* last) {
 
 void ApplySize(const std::string& text, mapmend::Camera* camera) {
   int width = 0, height = 0, consumed = 0;
-  if (std::sscanf(text.c_str(), "%dx%d%n", &width, &height, &consumed) != 2 || consumed != static_cast<int>(text.size()) ||
-      width < 16 || height < 16 || width % 2 != 0 || height % 2 != 0) {
+  if (std::sscanf(text.c_str(), "%dx%d%n", &width, &height, &consumed) != 2 ||
+      consumed != static_cast<int>(text.size()) || width < 16 || height < 16 || width % 2 != 0 || height % 2 != 0) {
     throw std::runtime_error("--size \"" + text + "\": expected WIDTHxHEIGHT, even numbers of at least 16");
   }
   const double sx = static_cast<double>(width) / camera->width, sy = static_cast<double>(height) / camera->height;
@@ -44,8 +45,11 @@ void ApplySize(const std::string& text, mapmend::Camera* camera) {
 
 int main(int argc, char** argv) {
   using namespace mapmend::simulate;
-  CLI::App app("Makes a synthetic flight, drive or walk with exact ground truth: video.mp4, times.txt, camera.yaml, groundtruth.tum, "
-               "gps.csv, events.json and terrain.ply.", "simulate");
+  CLI::App app(
+      "Makes a synthetic flight, drive or walk with exact ground truth: video.mp4, times.txt, camera.yaml, "
+      "groundtruth.tum, "
+      "gps.csv, events.json and terrain.ply.",
+      "simulate");
   app.set_version_flag("--version", std::string("mapmend simulate ") + MAPMEND_VERSION);
   std::string name, out, frames, size;
   uint64_t seed = 0;
@@ -54,16 +58,32 @@ int main(int argc, char** argv) {
   bool list = false, images = false, quiet = false;
   app.add_option("--scenario", name, "A scenario file, or the name of one of those in data/scenarios");
   app.add_option("--out", out, "Folder for the result; made if absent");
-  const auto* seed_option = app.add_option("--seed", seed, "Changes the wind, the noise and random events (default: the scenario's)");
+  const auto* seed_option =
+      app.add_option("--seed", seed, "Changes the wind, the noise and random events (default: the scenario's)");
   app.add_option("--frames", frames, "Only these frames, FIRST-LAST, counted from 0");
   app.add_option("--size", size, "Another image size, WIDTHxHEIGHT; the camera is scaled with it");
   const auto* fps_option = app.add_option("--fps", fps, "Another frame rate; the run lasts as long as before");
-  app.add_option("--threads", threads, "Threads (default: one per core); the result does not depend on it")->check(CLI::Range(0, 256));
+  app.add_option("--threads", threads, "Threads (default: one per core); the result does not depend on it")
+      ->check(CLI::Range(0, 256));
   app.add_flag("--images", images, "A folder of PNG files, images/, in place of the video");
   app.add_flag("--quiet", quiet, "No progress line");
   app.add_flag("--list", list, "List the scenarios and end");
+  MeasureOptions measured;
+  CLI::App* measure =
+      app.add_subcommand("measure", "Print how an aerial sequence, real or simulated, looks to a SLAM system");
+  measure->add_option("--video", measured.video, "The video")->required();
+  measure->add_option("--camera", measured.camera, "Its calibration")->required();
+  measure->add_option("--truth", measured.truth, "world_from_camera per frame, TUM format")->required();
+  measure->add_option("--vocabulary", measured.vocabulary, "For BoW scores");
+  measure->add_option("--ground", measured.ground_height, "Height of the ground, metres");
+  measure->add_option("--every", measured.every, "Measure every Nth frame")->check(CLI::Range(1, 1000));
+  measure->add_option("--features", measured.num_features, "ORB features per frame")->check(CLI::Range(100, 20000));
   CLI11_PARSE(app, argc, argv);
   try {
+    if (measure->parsed()) {
+      std::cout << Measure(measured) << "\n";
+      return 0;
+    }
     const std::string data = FindDataFolder();
     if (list) {
       for (const auto& [scenario, description] : ListScenarios(data + "/scenarios")) {
@@ -97,7 +117,8 @@ int main(int argc, char** argv) {
     const bool whole = WriteRun(&simulator, first, last, out, [&](int done, int all) {
       if (!quiet && (done == all || done % 10 == 0)) {
         const double rate = done / seconds(built, now());
-        std::fprintf(stderr, "\r%s: frame %d of %d, %.1f frames/s, %.0f s left ", scenario.name.c_str(), done, all, rate, (all - done) / rate);
+        std::fprintf(stderr, "\r%s: frame %d of %d, %.1f frames/s, %.0f s left ", scenario.name.c_str(), done, all,
+                     rate, (all - done) / rate);
       }
       return stop_requested == 0;
     });
@@ -107,7 +128,8 @@ int main(int argc, char** argv) {
       return 130;
     }
     if (!quiet) {
-      std::printf("%s: %s (scene %.1f s, frames %.1f s)\n", scenario.name.c_str(), out.c_str(), seconds(begin, built), seconds(built, now()));
+      std::printf("%s: %s (scene %.1f s, frames %.1f s)\n", scenario.name.c_str(), out.c_str(), seconds(begin, built),
+                  seconds(built, now()));
     }
     return 0;
   } catch (const std::exception& e) {
