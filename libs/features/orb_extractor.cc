@@ -207,7 +207,7 @@ RawFeatures OrbExtractor::Extract(const cv::Mat& grey8) const {
       kernels.moments(center, level.stride, &m10, &m01);
       kernels.blur_patch(center, level.stride, patch);
       Keypoint keypoint;
-      // The pixel of the level as it is: refining it by Foerstner's method made epipolar errors 3 to 15 % larger.
+      // The pixel of the level as it is: refining it by Foerstner's method made epipolar errors 3 to 17 % larger.
       keypoint.pixel = (Eigen::Vector2f(c.x, c.y) + half).cwiseProduct(scale) - half;
       keypoint.octave = static_cast<int8_t>(i);
       keypoint.angle = PortableAtan2(static_cast<float>(m01), static_cast<float>(m10));
