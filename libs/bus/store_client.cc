@@ -6,6 +6,8 @@
 #include <mapmend/bow_query_t.hpp>
 #include <mapmend/bow_result_t.hpp>
 #include <mapmend/close_session_t.hpp>
+#include <mapmend/edge_decisions_t.hpp>
+#include <mapmend/edge_request_t.hpp>
 #include <mapmend/fetch_t.hpp>
 #include <mapmend/fetched_t.hpp>
 #include <mapmend/revision_ack_t.hpp>
@@ -37,6 +39,7 @@ struct StoreClient::Impl {
   std::optional<fetched_t> fetched;
   std::optional<revision_fetched_t> revision_fetched;
   std::optional<session_closed_t> session_closed;
+  std::optional<edge_decisions_t> edge_decisions;
   std::set<int32_t> unacknowledged;  // parts of the revision that is being stored
   int64_t storing_revision = -1;
   std::shared_ptr<char> alive = std::make_shared<char>();  // the bus may outlive us and still have our handlers
@@ -89,6 +92,7 @@ StoreClient::StoreClient(Bus* bus, const std::string& requester) : impl_(std::ma
   impl_->Listen(channels::kFetched, &Impl::fetched);
   impl_->Listen(channels::kRevisionFetched, &Impl::revision_fetched);
   impl_->Listen(channels::kSessionClosed, &Impl::session_closed);
+  impl_->Listen(channels::kEdgeDecisions, &Impl::edge_decisions);
   bus->Subscribe<revision_ack_t>(channels::kRevisionAck, Delivery::kKeepAll,
                                  [impl = impl_.get(), weak = std::weak_ptr<char>(impl_->alive)](const revision_ack_t& ack) {
                                    if (weak.expired()) return;
@@ -112,6 +116,14 @@ std::optional<session_closed_t> StoreClient::CloseSession(const std::string& ses
   request.session = session;
   return impl_->Ask(channels::kCloseSession, request, &Impl::session_closed, timeout_ms,
                     [](const session_closed_t& reply) { return reply.status != session_closed_t::STILL_ALIVE; });
+}
+
+std::optional<edge_decisions_t> StoreClient::DecideEdges(const std::vector<edge_decision_t>& decisions, int timeout_ms) {
+  edge_request_t request{};
+  request.decisions = decisions;
+  request.num_decisions = static_cast<int32_t>(decisions.size());
+  return impl_->Ask(channels::kEdgeRequest, request, &Impl::edge_decisions, timeout_ms,
+                    [](const edge_decisions_t&) { return true; });
 }
 
 bool StoreClient::StoreRevision(const revision_t& revision, const std::vector<revision_part_t>& parts, int timeout_ms) {

@@ -10,6 +10,8 @@
 namespace mapmend {
 class bow_query_t;
 class bow_result_t;
+class edge_decision_t;
+class edge_decisions_t;
 class fetch_t;
 class fetched_t;
 class revision_t;
@@ -32,6 +34,8 @@ class StoreClient {
   enum class RevisionStatus { kOk, kNone, kNoAnswer };
   RevisionStatus FetchRevision(int64_t number, revision_t* revision, std::vector<revision_part_t>* parts,
                                int timeout_ms = 10000);
+  // Adds decisions about connections to those that the store holds; returns all of them, in order. nullopt: no answer in time.
+  std::optional<edge_decisions_t> DecideEdges(const std::vector<edge_decision_t>& decisions, int timeout_ms = 10000);
   // Ends a session whose frontend died (close_session_t.lcm). nullopt: no answer in time.
   std::optional<session_closed_t> CloseSession(const std::string& session, int timeout_ms = 10000);
 

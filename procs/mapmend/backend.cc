@@ -50,10 +50,9 @@ Backend::Backend(const BackendOptions& options)
   monitor_ = std::make_unique<HealthMonitor>(bus_.get());
   if (!plan.start_hub) RefuseSharedStore();
 
-  StartProcess(
-      "submap_store",
-      {FindProgram("submap_store"), "--db", options_.out + "/map.db", "--vocabulary-hash", options_.vocabulary_hash},
-      OnExit::kRestart);
+  const std::string db = options_.db.empty() ? options_.out + "/map.db" : options_.db;
+  StartProcess("submap_store",
+               {FindProgram("submap_store"), "--db", db, "--vocabulary-hash", options_.vocabulary_hash}, OnExit::kRestart);
   WaitUntilReady("submap_store");
   if (options_.with_merger) {
     std::vector<std::string> merger = {FindProgram("merger"), "--vocabulary", options_.vocabulary};
@@ -63,9 +62,9 @@ Backend::Backend(const BackendOptions& options)
   std::vector<std::string> viewer = {FindProgram("viewer_export"), "--out", options_.out, "--port",
                                      std::to_string(options_.port)};
   if (!options_.groundtruth.empty()) viewer.insert(viewer.end(), {"--groundtruth", options_.groundtruth});
-  StartProcess("viewer_export", viewer, OnExit::kRestart);
+  if (options_.with_viewer) StartProcess("viewer_export", viewer, OnExit::kRestart);
   if (options_.with_merger) WaitUntilReady("merger");
-  WaitUntilReady("viewer_export");
+  if (options_.with_viewer) WaitUntilReady("viewer_export");
 }
 
 Backend::~Backend() = default;
@@ -150,7 +149,8 @@ bool Backend::IsFinished(const std::string& session, int64_t last_seq) const {
   };
   const HealthMonitor::Entry* merger = Health("merger");
   const HealthMonitor::Entry* viewer = Health("viewer_export");
-  if (!done(merger) || !done(viewer)) return false;
+  if ((options_.with_merger && !done(merger)) || (options_.with_viewer && !done(viewer))) return false;
+  if (!options_.with_merger || !options_.with_viewer) return true;
   // The viewer may be done with an earlier revision when a flight is appended to a map.
   return CounterOr(viewer, "revision", -1) >= CounterOr(merger, "revision", -1) ||
          CounterOr(viewer, "revision", -1) < 0;

@@ -19,6 +19,7 @@ struct Interrupted : std::exception {
 
 struct BackendOptions {
   std::string out;  // folder of results; holds map.db and logs/
+  std::string db;   // the database; empty: OUT/map.db
   std::string vocabulary;
   std::string vocabulary_hash;
   std::string groundtruth;  // empty: none
@@ -27,7 +28,7 @@ struct BackendOptions {
   std::string log_level = "info";
   std::optional<int> seed;
   int port = 0;  // of the live page, 0: none
-  bool with_merger = true;
+  bool with_merger = true, with_viewer = true;
   int ready_timeout_ms = 60000;
   int silent_timeout_ms = 300000;  // a process whose health is silent for so long has hung
 };
@@ -44,7 +45,7 @@ class Backend {
   void Tick(int timeout_ms);
   // Starts one more process on the same bus: argv gets --lcm-url, --channel-prefix and --log-level added.
   void StartProcess(const std::string& name, std::vector<std::string> argv, OnExit on_exit);
-  // True once merger and viewer have finished the whole of a session.
+  // True once merger and viewer (those of them that were started) have finished the whole of a session.
   //   last_seq  its last record, -1 if unknown
   bool IsFinished(const std::string& session, int64_t last_seq) const;
 

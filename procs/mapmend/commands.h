@@ -10,6 +10,9 @@
 namespace mapmend {
 
 void AddEvalCommand(CLI::App* app);
+void AddEdgesCommand(CLI::App* app);
+void AddExportCommand(CLI::App* app);
+void AddMergeCommand(CLI::App* app);
 void AddForwardCommands(CLI::App* app);
 void AddRunCommand(CLI::App* app);
 void AddReplayCommand(CLI::App* app);

@@ -10,7 +10,7 @@
 
 namespace mapmend {
 
-std::string FinishRun(const std::string& out, const LauncherFigures& figures) {
+std::string FinishRun(const std::string& out, const LauncherFigures& figures, const std::string& db) {
   std::error_code ignored;
   std::filesystem::remove(out + "/outbox", ignored);  // all of it is in the database
   CompleteSummary(out, figures);
@@ -21,8 +21,8 @@ std::string FinishRun(const std::string& out, const LauncherFigures& figures) {
   if (!status->Success())
     throw std::runtime_error("cannot build the report: " + FindErrorLine(log, "viewer_export", 0));
   const std::string folder = std::filesystem::absolute(out).lexically_normal().string();
-  return FormatSummaryTable(out) + "  report       " + folder + "/report.html\n  map          " + folder +
-         "/map.db, map.ply, frames.tum";
+  return FormatSummaryTable(out) + "  report       " + folder + "/report.html\n  map          " +
+         (db.empty() ? folder + "/map.db, map.ply, frames.tum" : folder + "/map.ply, frames.tum, made from " + db);
 }
 
 }  // namespace mapmend

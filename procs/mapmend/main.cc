@@ -14,6 +14,9 @@ int main(int argc, char** argv) {
   mapmend::AddRunCommand(&app);
   mapmend::AddReplayCommand(&app);
   mapmend::AddStatusCommand(&app);
+  mapmend::AddExportCommand(&app);
+  mapmend::AddMergeCommand(&app);
+  mapmend::AddEdgesCommand(&app);
   mapmend::AddEvalCommand(&app);
   mapmend::AddSpyCommand(&app);
   mapmend::AddDoctorCommand(&app);

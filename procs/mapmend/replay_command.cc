@@ -27,25 +27,36 @@ struct ReplayOptions {
   std::string log, out, vocabulary, groundtruth, lcm_url, channel_prefix, log_level = "info";
   std::optional<int> seed;
   int port = 0;
+  double speed = 0;
   bool overwrite = false;
 };
 
-// Sends the whole recording to the store, as fast as it commits.
-void SendAll(LogReader* log, Backend* backend, Progress* progress) {
+// Sends the whole recording to the store: as fast as it commits, or `speed` times as fast as it was flown.
+void SendAll(LogReader* log, double speed, Backend* backend, Progress* progress) {
   RecordSender sender(backend->bus());
   int num_sent = 0;
   bool at_end = false;
+  std::optional<EncodedRecord> next;
+  const auto start = Clock::now();
+  std::optional<int64_t> first_utime;
+  const auto is_due = [&](const EncodedRecord& record) {
+    const auto header = PeekHeader(record.data.data(), static_cast<int>(record.data.size()));
+    if (!(speed > 0) || !header) return true;
+    if (!first_utime) first_utime = header->utime;
+    const double elapsed_us = std::chrono::duration<double, std::micro>(Clock::now() - start).count();
+    return static_cast<double>(header->utime - *first_utime) <= speed * elapsed_us;
+  };
   while (!at_end || !sender.AllAcknowledged()) {
     while (!at_end && sender.CanSend()) {
-      std::optional<EncodedRecord> record = log->Next();
-      at_end = !record;
-      if (record) {
-        sender.Send(std::move(*record));
-        ++num_sent;
-      }
+      if (!next) next = log->Next();
+      at_end = !next;
+      if (at_end || !is_due(*next)) break;
+      sender.Send(std::move(*next));
+      next.reset();
+      ++num_sent;
     }
     sender.Tick();
-    backend->Tick(sender.AllAcknowledged() ? 0 : 10);
+    backend->Tick(sender.AllAcknowledged() ? (speed > 0 && !at_end ? 5 : 0) : 10);
     progress->Show(std::to_string(num_sent) + " records sent" +
                    (sender.StoreError().empty() ? "" : "; store: " + sender.StoreError()));
   }
@@ -88,7 +99,7 @@ int Replay(ReplayOptions options) {
     Backend backend(backend_options);
     progress.Say("mapping the recording " + options.log + " into " + options.out + "; bus " + backend.Url());
     WriteFile(options.out + "/logs/lcm-url", backend.Url() + "\n");
-    SendAll(&log, &backend, &progress);
+    SendAll(&log, options.speed, &backend, &progress);
     while (!AllFinished(backend, log)) {
       progress.Show("merging");
       backend.Tick(50);
@@ -118,6 +129,9 @@ void AddReplayCommand(CLI::App* app) {
                   "the one that the recording was made with (default: mapmend's own)");
   sub->add_option("--groundtruth", options->groundtruth, "TUM file; the report then tells the accuracy");
   sub->add_option("--seed", options->seed, "of everything random; take that of the recorded run for the same map");
+  sub->add_option("--speed", options->speed, "times as fast as the camera took the images; 0: as fast as it goes")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   sub->add_option("--port", options->port, "of the live page, 0: none")->capture_default_str();
   sub->add_option("--lcm-url", options->lcm_url,
                   "LCM network (default: $LCM_DEFAULT_URL, else a private hub on a free port)");

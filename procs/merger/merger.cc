@@ -35,7 +35,7 @@ double ViewingDistance(const Connection& c, const Submap& a) {
 }
 
 bool SamePlaces(const MergedTransforms& l, const MergedTransforms& r) {
-  if (l.submaps.size() != r.submaps.size() || l.edges != r.edges || l.refined != r.refined) return false;
+  if (l.submaps.size() != r.submaps.size() || l.edges != r.edges) return false;
   for (size_t i = 0; i < l.submaps.size(); ++i) {
     if (l.submaps[i].key != r.submaps[i].key || l.submaps[i].component != r.submaps[i].component ||
         ToArray(l.submaps[i].root_from_submap) != ToArray(r.submaps[i].root_from_submap)) {
@@ -45,12 +45,23 @@ bool SamePlaces(const MergedTransforms& l, const MergedTransforms& r) {
   return true;
 }
 
+std::pair<SubmapKey, SubmapKey> Sorted(const SubmapKey& a, const SubmapKey& b) {
+  return a < b ? std::pair(a, b) : std::pair(b, a);
+}
+
 }  // namespace
+
+MergerOptions::MergerOptions() {
+  live_refinement.radii = {16, 8};
+  live_refinement.iterations = {5, 8};
+  live_refinement.max_keyframes_with_all_points = 0;
+}
 
 std::string MergerOptions::Check() const {
   if (const std::string e = connected_frames.Check(); !e.empty()) return "connected_frames: " + e;
   if (const std::string e = cycles.Check(); !e.empty()) return "cycles: " + e;
   if (const std::string e = refinement.Check(); !e.empty()) return "refinement: " + e;
+  if (const std::string e = live_refinement.Check(); !e.empty()) return "live_refinement: " + e;
   if (max_proposals < 1 || max_verified_per_submap < 1 || max_accepted_per_submap < 1 || max_evidence < 1) {
     return "the limits must be positive";
   }
@@ -104,25 +115,33 @@ std::string Merger::Consume(const Record& record) {
     return error;
   }
   ++num_records_;
+  ++state_;
+  complete_ = false;
   std::set<PairKey> evaluated;
   if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body)) {
-    EvaluatePending(id, &evaluated);
-    pending_[id] = {keyframe->submap, keyframe->keyframe};
-    Update(evaluated, false);
+    pending_[id].push_back({keyframe->submap, keyframe->keyframe});
+  } else if (std::holds_alternative<MapUpdate>(record.body)) {
+    if (!pending_[id].empty()) {
+      EvaluatePending(id, &evaluated);
+      Update(evaluated, false);
+    }
   } else if (const auto* end = std::get_if<SubmapEnded>(&record.body)) {
     EvaluatePending(id, &evaluated);
     EvaluateAgain(id, end->submap, &evaluated);
+    // The submap will not change any more: its connections are estimated from where its points have come to lie.
+    for (const auto& [pair, connection] : connections_) {
+      const SubmapKey ended{id, end->submap};
+      if (pair.first == ended || pair.second == ended) dirty_.insert(pair);
+    }
     Update(evaluated, false);
   }
   return "";
 }
 
 void Merger::EvaluatePending(const std::string& session, std::set<PairKey>* evaluated) {
-  const auto it = pending_.find(session);
-  if (it == pending_.end()) return;
-  const Pending pending = it->second;
-  pending_.erase(it);
-  Evaluate(session, pending.submap, pending.keyframe, false, evaluated);
+  std::vector<Pending> pending;
+  pending.swap(pending_[session]);
+  for (const Pending& p : pending) Evaluate(session, p.submap, p.keyframe, false, evaluated);
 }
 
 void Merger::EvaluateAgain(const std::string& session, SubmapId submap_id, std::set<PairKey>* evaluated) {
@@ -196,28 +215,44 @@ void Merger::Evaluate(const std::string& session, SubmapId submap, KeyframeId ke
 }
 
 void Merger::Update(const std::set<PairKey>& evaluated, bool announce_all) {
+  std::map<PairKey, std::pair<Connection::Verdict, bool>> before;
+  for (const auto& [pair, connection] : connections_) before[pair] = {connection.verdict, connection.in_tree};
+  JudgeConnections(evaluated, announce_all);
+  for (const PairKey& pair : live_.pairs) {
+    const auto it = connections_.find(pair);
+    if (it != connections_.end() && it->second.verdict == Connection::Verdict::kAccepted) continue;
+    live_ = {};  // a connection that has turned out wrong bent what was refined with it
+    break;
+  }
+  for (const auto& [pair, connection] : connections_) {
+    if (announce_all || evaluated.contains(pair) ||
+        before.at(pair) != std::pair(connection.verdict, connection.in_tree)) {
+      output_->OnConnection(connection);
+    }
+  }
+  MergedTransforms transforms = PlaceSubmaps();
+  if (announce_all || !SamePlaces(transforms, transforms_)) {
+    transforms_ = std::move(transforms);
+    output_->OnTransforms(transforms_);
+  }
+}
+
+void Merger::JudgeConnections(const std::set<PairKey>& evaluated, bool estimate_all) {
   const std::vector<SubmapKey> keys = OrderedSubmaps();
   std::map<SubmapKey, int> index;
   for (size_t i = 0; i < keys.size(); ++i) index[keys[i]] = static_cast<int>(i);
-
-  std::map<PairKey, Connection> before;
-  for (const auto& [pair, connection] : connections_) {
-    Connection& b = before[pair];
-    b.verdict = connection.verdict;
-    b.in_tree = connection.in_tree;
-  }
   std::vector<Connection*> active;
   std::vector<CycleEdge> edges;
   for (auto& [pair, connection] : connections_) {
-    if (dirty_.contains(pair) || evaluated.contains(pair) || announce_all ||
+    if (dirty_.contains(pair) || evaluated.contains(pair) || estimate_all ||
         connection.verdict == Connection::Verdict::kDeactivated) {  // which is judged anew below
       EstimateConnection(View(pair.first), View(pair.second), options_.connection, &connection);
     }
     connection.in_tree = false;
     if (connection.verdict != Connection::Verdict::kAccepted) continue;
-    if (disabled_.contains(pair)) {
+    if (IsDisabled(pair)) {
       connection.verdict = Connection::Verdict::kDeactivated;
-      connection.reason = "switched off by hand";
+      connection.reason = "switched off by hand; would be used: " + connection.reason;
       continue;
     }
     const Submap& a = *View(pair.first).submap;
@@ -227,136 +262,184 @@ void Merger::Update(const std::set<PairKey>& evaluated, bool announce_all) {
   }
   dirty_.clear();
 
-  const CycleConsistencyResult consistent =
-      FindConsistentForest(static_cast<int>(keys.size()), edges, options_.cycles);
-  std::vector<TreeEdge> tree;
+  CycleConsistencyResult consistent = FindConsistentForest(static_cast<int>(keys.size()), edges, options_.cycles);
   for (size_t i = 0; i < active.size(); ++i) {
     if (consistent.active[i]) continue;
     active[i]->verdict = Connection::Verdict::kDeactivated;
     active[i]->reason = consistent.reason[i];
   }
+  tree_.clear();
   for (const int e : consistent.forest.edges) {
     active[e]->in_tree = true;
-    tree.push_back({edges[e].a, edges[e].b, edges[e].b_from_a});
+    tree_.push_back({edges[e].a, edges[e].b, edges[e].b_from_a});
   }
-  const std::vector<MergedPlace> places = ComposeAlongForest(static_cast<int>(keys.size()), tree);
-
-  // Components in order of the frames they hold.
-  num_components_ = consistent.forest.num_components;
-  std::vector<std::pair<long, int>> frames(num_components_);
-  for (int c = 0; c < num_components_; ++c) frames[c].second = c;
-  for (size_t i = 0; i < keys.size(); ++i) {
-    frames[consistent.forest.component[i]].first -= static_cast<long>(View(keys[i]).submap->frames.size());
-  }
-  std::stable_sort(frames.begin(), frames.end(), [](const auto& l, const auto& r) { return l.first < r.first; });
-  std::vector<int> rank(num_components_);
-  for (int r = 0; r < num_components_; ++r) rank[frames[r].second] = r;
-
-  MergedTransforms transforms;
-  transforms.revision = 2 * num_records_;
-  transforms.cursors = Cursors();
-  for (size_t i = 0; i < keys.size(); ++i) {
-    transforms.submaps.push_back({keys[i], rank[consistent.forest.component[i]], places[i].root_from_vertex,
-                                  places[i].root == static_cast<int>(i)});
-  }
-  for (const TreeEdge& e : tree) transforms.edges.push_back({e.a, e.b});
-
-  for (const auto& [pair, connection] : connections_) {
-    const Connection& old = before.at(pair);
-    if (announce_all || evaluated.contains(pair) || old.verdict != connection.verdict || old.in_tree != connection.in_tree) {
-      output_->OnConnection(connection);
-    }
-  }
-  const bool changed = !SamePlaces(transforms, transforms_);
-  if (changed || announce_all) {
-    transforms_ = std::move(transforms);
-    output_->OnTransforms(transforms_);
-  }
+  forest_ = std::move(consistent.forest);
 }
 
-void Merger::SetDisabled(const std::set<std::pair<SubmapKey, SubmapKey>>& disabled) {
-  disabled_ = disabled;
+MergedTransforms Merger::PlaceSubmaps() const {
+  const std::vector<SubmapKey> keys = OrderedSubmaps();
+  std::vector<RefinedPlace> refined(keys.size());
+  for (size_t i = 0; i < keys.size(); ++i) {
+    const auto it = live_.places.find(keys[i]);
+    if (it != live_.places.end() && !complete_) refined[i] = it->second;
+  }
+  const std::vector<MergedPlace> places = ComposeAlongForest(static_cast<int>(keys.size()), tree_, refined);
+
+  // Components in order of the frames they hold. A submap that began after the last update is one of its own.
+  std::vector<int> component(forest_.component);
+  int num_components = forest_.num_components;
+  while (component.size() < keys.size()) component.push_back(num_components++);
+  std::vector<std::pair<long, int>> frames(num_components);
+  for (int c = 0; c < num_components; ++c) frames[c].second = c;
+  for (size_t i = 0; i < keys.size(); ++i) {
+    frames[component[i]].first -= static_cast<long>(View(keys[i]).submap->frames.size());
+  }
+  std::stable_sort(frames.begin(), frames.end(), [](const auto& l, const auto& r) { return l.first < r.first; });
+  std::vector<int> rank(num_components);
+  for (int r = 0; r < num_components; ++r) rank[frames[r].second] = r;
+
+  MergedTransforms transforms;
+  transforms.revision = 2 * (num_records_ + num_decisions_);
+  transforms.cursors = Cursors();
+  for (size_t i = 0; i < keys.size(); ++i) {
+    transforms.submaps.push_back(
+        {keys[i], rank[component[i]], places[i].root_from_vertex, places[i].root == static_cast<int>(i)});
+  }
+  for (const TreeEdge& e : tree_) transforms.edges.push_back({e.a, e.b});
+  return transforms;
+}
+
+bool Merger::IsDisabled(const PairKey& pair) const { return disabled_.contains(Sorted(pair.first, pair.second)); }
+
+void Merger::SetDecisions(const std::vector<EdgeDecision>& decisions) {
+  if (static_cast<int>(decisions.size()) == num_decisions_) return;
+  num_decisions_ = static_cast<int>(decisions.size());
+  ++state_;
+  disabled_.clear();
+  for (const EdgeDecision& d : decisions) {
+    if (d.disabled) {
+      disabled_.insert(Sorted(d.a, d.b));
+    } else {
+      disabled_.erase(Sorted(d.a, d.b));
+    }
+  }
   if (!sessions_.empty()) Update({}, true);
 }
 
-void Merger::Finalize() {
+void Merger::Complete() {
   pending_.clear();
   connections_.clear();
   dirty_.clear();
   connected_.clear();
   loops_.clear();
+  live_ = {};
+  ++state_;
   std::set<PairKey> evaluated;
   for (const SubmapKey& key : OrderedSubmaps()) {
     std::vector<KeyframeId> keyframes;
     for (const auto& [id, keyframe] : View(key).submap->keyframes) keyframes.push_back(id);
     for (const KeyframeId id : keyframes) Evaluate(key.session, key.submap, id, true, &evaluated);
   }
+  complete_ = true;
   Update(evaluated, true);
-  Refine();
 }
 
-void Merger::Refine() {
-  MergedTransforms refined = transforms_;
-  refined.revision = 2 * num_records_ + 1;
-  refined.refined = true;
-  refined.is_final = AllEnded();
-  std::vector<RefinedSubmap> parts;
-  for (int component = 0; component < num_components_; ++component) {
-    std::vector<int> members;  // indices into transforms_.submaps, oldest first
-    std::map<SubmapKey, int> local;
-    std::vector<SubmapView> views;
-    std::vector<Similarity3> root_from_submap;
-    for (size_t i = 0; i < refined.submaps.size(); ++i) {
-      const MergedTransforms::Place& place = refined.submaps[i];
-      if (place.component != component) continue;
-      local[place.key] = static_cast<int>(members.size());
-      members.push_back(static_cast<int>(i));
-      views.push_back(View(place.key));
-      root_from_submap.push_back(place.root_from_submap);
-    }
-    std::vector<RefinementLink> links;
-    for (const auto& [pair, connection] : connections_) {
-      if (connection.verdict != Connection::Verdict::kAccepted || !local.contains(pair.first)) continue;
-      for (size_t i = 0; i < connection.evidence.size(); ++i) {
-        const ConnectedFrames& e = connection.evidence[i];
-        if (connection.agrees[i]) {
-          links.push_back({local.at(pair.first), local.at(pair.second), e.keyframe_a, e.keyframe_b, e.b_from_a});
-        }
-      }
-    }
-    for (const Loop& loop : loops_) {
-      if (!local.contains(loop.submap)) continue;
-      const int s = local.at(loop.submap);
-      links.push_back({s, s, loop.frames.keyframe_a, loop.frames.keyframe_b, loop.frames.b_from_a});
-    }
-    MergedRefinementResult result = RefineMergedMap(views, root_from_submap, links, options_.refinement,
-                                                    [&](const std::string& what) { output_->OnProgress(what); });
-    output_->OnProgress("refinement: " + result.summary.reason);
-
-    std::vector<RefinedSubmap> component_parts(members.size());
-    for (size_t s = 0; s < members.size(); ++s) {
-      MergedTransforms::Place& place = refined.submaps[members[s]];
-      place.root_from_submap = result.root_from_submap[s];
-      component_parts[s].key = place.key;
-    }
-    for (const MergedKeyframe& k : result.map.keyframes) {
-      component_parts[k.submap].keyframes.push_back({k.keyframe->id, k.cam_from_root, k.scale});
-    }
-    for (const MergedPoint& p : result.map.points) {
-      if (p.track.empty()) continue;
-      const auto& [first_submap, first_id] = p.members.front();
-      component_parts[first_submap].points.push_back({first_id, p.position.cast<float>()});
-      for (size_t m = 1; m < p.members.size(); ++m) {
-        component_parts[p.members[m].first].fused.push_back(
-            {p.members[m].second, component_parts[first_submap].key, first_id});
-      }
-    }
-    parts.insert(parts.end(), component_parts.begin(), component_parts.end());
+std::set<Merger::PairKey> Merger::TreePairs() const {
+  std::set<PairKey> pairs;
+  for (const auto& [pair, connection] : connections_) {
+    if (connection.in_tree) pairs.insert(pair);
   }
-  std::vector<Connection> connections;
-  for (const auto& [pair, connection] : connections_) connections.push_back(connection);
+  return pairs;
+}
+
+int Merger::NumJoinedKeyframes() const {
+  std::set<SubmapKey> joined;
+  for (const PairKey& pair : TreePairs()) joined.insert({pair.first, pair.second});
+  int num_keyframes = 0;
+  for (const SubmapKey& key : joined) num_keyframes += static_cast<int>(View(key).submap->keyframes.size());
+  return num_keyframes;
+}
+
+bool Merger::RefinementIsDue() const {
+  if (complete_) return !transforms_.is_final || transforms_.revision < 2 * (num_records_ + num_decisions_) + 1;
+  if (sessions_.empty() || AllEnded()) return false;
+  const int num_keyframes = NumJoinedKeyframes();
+  if (num_keyframes == 0 || num_keyframes > options_.max_live_keyframes) return false;
+  return TreePairs() != live_task_.tree || num_keyframes >= options_.live_growth * live_task_.num_keyframes;
+}
+
+RefinementTask Merger::MakeRefinement() {
+  RefinementTask task;
+  task.state = state_;
+  task.is_final = complete_ && AllEnded();
+  task.options = complete_ ? options_.refinement : options_.live_refinement;
+  task.transforms = PlaceSubmaps();
+  live_task_ = {{}, {}, TreePairs(), NumJoinedKeyframes()};
+  std::map<SubmapKey, int> index;
+  for (const MergedTransforms::Place& place : task.transforms.submaps) {
+    index[place.key] = static_cast<int>(task.parts.size());
+    const SubmapView view = View(place.key);
+    task.parts.push_back({*view.submap, view.camera, view.pyramid});
+    for (auto& [id, keyframe] : task.parts.back().submap.keyframes) {  // words have done their work
+      keyframe.words.clear();
+      keyframe.nodes.clear();
+      keyframe.bow = {};
+    }
+  }
+  for (const auto& [pair, connection] : connections_) {
+    if (connection.verdict != Connection::Verdict::kAccepted) continue;
+    live_task_.pairs.insert(pair);
+    for (size_t i = 0; i < connection.evidence.size(); ++i) {
+      const ConnectedFrames& e = connection.evidence[i];
+      if (connection.agrees[i]) {
+        task.links.push_back({index.at(pair.first), index.at(pair.second), e.keyframe_a, e.keyframe_b, e.b_from_a});
+      }
+    }
+  }
+  for (const Loop& loop : loops_) {
+    const int s = index.at(loop.submap);
+    task.links.push_back({s, s, loop.frames.keyframe_a, loop.frames.keyframe_b, loop.frames.b_from_a});
+  }
+  return task;
+}
+
+bool Merger::TakeRefinement(const RefinementOutcome& outcome) {
+  const int64_t number = 2 * (num_records_ + num_decisions_) + 1;
+  MergedTransforms refined;
+  if (outcome.is_final) {
+    if (outcome.state != state_) return false;
+    refined = outcome.transforms;
+    refined.is_final = true;
+  } else {
+    // The final revision will have the number that a revision made now would get.
+    if (complete_ || AllEnded() || number <= transforms_.revision) return false;
+    for (const PairKey& pair : live_task_.pairs) {
+      const auto it = connections_.find(pair);
+      if (it == connections_.end() || it->second.verdict != Connection::Verdict::kAccepted) return false;
+    }
+    live_ = live_task_;
+    for (const MergedTransforms::Place& place : outcome.transforms.submaps) {
+      live_.places[place.key] = {place.component, place.root_from_submap};
+    }
+    refined = PlaceSubmaps();
+  }
+  refined.revision = number;
+  refined.cursors = Cursors();
+  refined.refined = true;
   transforms_ = refined;
-  output_->OnRevision(refined, connections, parts);
+  output_->OnRevision(refined, connections(), outcome.submaps);
+  return true;
+}
+
+void Merger::Finalize() {
+  Complete();
+  TakeRefinement(RunRefinement(MakeRefinement(), [&](const std::string& what) { output_->OnProgress(what); }));
+}
+
+std::vector<Connection> Merger::connections() const {
+  std::vector<Connection> all;
+  for (const auto& [pair, connection] : connections_) all.push_back(connection);
+  return all;
 }
 
 }  // namespace mapmend

@@ -6,17 +6,13 @@
 #include <utility>
 #include <vector>
 
-#include "libs/mapping/merged_refinement.h"
 #include "procs/merger/connection.h"
 #include "procs/merger/cycle_consistency.h"
+#include "procs/merger/merged_revision.h"
 #include "procs/merger/merged_transforms.h"
+#include "procs/merger/refinement_task.h"
 
 namespace mapmend {
-
-struct MergerCursor {
-  std::string session;
-  int64_t seq = -1;
-};
 
 // Which keyframes may see what this one sees? (paper §3.3)
 struct BowQuestion {
@@ -41,43 +37,6 @@ class BowSource {
   virtual std::vector<BowProposal> Query(const BowQuestion& question) = 0;
 };
 
-// Where every submap stands.
-struct MergedTransforms {
-  int64_t revision = 0;   // grows with the stream: 2 * records consumed, + 1 if refined
-  std::vector<MergerCursor> cursors;
-  bool refined = false, is_final = false;
-  struct Place {
-    SubmapKey key;
-    int component = 0;    // 0: the one with most frames
-    Similarity3 root_from_submap;
-    bool is_root = false;
-  };
-  std::vector<Place> submaps;               // oldest first
-  std::vector<std::pair<int, int>> edges;   // of the tree: indices into submaps
-};
-
-// One submap of a refined map.
-struct RefinedSubmap {
-  SubmapKey key;
-  struct Keyframe {
-    KeyframeId id;
-    Rigid3 cam_from_root;
-    double scale = 1;
-  };
-  struct Point {
-    MapPointId id;
-    Eigen::Vector3f position;
-  };
-  struct Fused {
-    MapPointId id;
-    SubmapKey into_submap;
-    MapPointId into;
-  };
-  std::vector<Keyframe> keyframes;
-  std::vector<Point> points;
-  std::vector<Fused> fused;
-};
-
 // What the merger tells the world. Calls come in a deterministic order.
 class MergerOutput {
  public:
@@ -91,44 +50,69 @@ class MergerOutput {
 };
 
 struct MergerOptions {
+  MergerOptions();
+
   ConnectedFramesOptions connected_frames;
   ConnectionOptions connection;
   CycleConsistencyOptions cycles;
-  MergedRefinementOptions refinement;
+  MergedRefinementOptions refinement;       // of the final map
+  MergedRefinementOptions live_refinement;  // during the flight: fewer rounds, and a part of the points
   int max_proposals = 20;            // asked of retrieval per keyframe
   int max_verified_per_submap = 3;   // of them looked at, per other submap, best first ...
   int max_accepted_per_submap = 1;   // ... until so many are accepted
   int max_evidence = 200;            // per connection: more adds cost and no knowledge
   int max_evaluated_again = 30;      // keyframes of an ended submap without a connection that are asked once more
+  double live_growth = 1.5;          // refined anew when so many times the keyframes are joined, or the tree is another one
+  int max_live_keyframes = 600;      // larger maps are refined at the end only
 
   std::string Check() const;
 };
 
-// The merger proper, without LCM: consumes the stream, connects submaps, broadcasts transforms, and at the end refines the
-// merged map (paper §3.6). A pure function of the stream: the same records give the same output, bit by bit.
-// A keyframe is evaluated when the next record that can add map points to it has arrived: the following keyframe of its
-// session, or the end of its submap.
+// A person's word on a connection.
+struct EdgeDecision {
+  SubmapKey a, b;         // in either order
+  bool disabled = false;  // true: not to be used
+};
+
+// The merger proper, without LCM: consumes the stream, connects submaps, broadcasts transforms, and refines the merged map
+// (paper §3.6). The final map is a pure function of the stream and of the decisions of people: the same records and decisions
+// give the same bits, whatever was refined on the way.
+// A keyframe is evaluated when the map update that follows it has brought its map points; at the latest at the end of its submap.
 class Merger {
  public:
   Merger(const MergerOptions& options, BowSource* bow, MergerOutput* output);
 
   // The next record of its session. Returns an empty string, or why the record was refused.
   std::string Consume(const Record& record);
+  // All decisions of people so far, in order. What changes by them is announced at once.
+  void SetDecisions(const std::vector<EdgeDecision>& decisions);
 
   // Every session seen has ended (and there is one).
   bool AllEnded() const;
-  // The second pass: connections of all keyframes from scratch, with all submaps complete, also within a submap; then
-  // refinement of every component, and the final revision. Depends only on the sessions' content, not on what happened live.
+  // The second pass, once all sessions have ended: connections of all keyframes from scratch, with all submaps complete, also
+  // within a submap. Depends only on the sessions' content, not on what happened live.
+  void Complete();
+
+  // Whether the merged map would gain by a refinement: the final one after Complete; before it, when the tree of a joined map
+  // has changed or the map has grown.
+  bool RefinementIsDue() const;
+  // The refinement that is due, to be run anywhere.
+  RefinementTask MakeRefinement();
+  // Takes in its result and announces the revision. False if the map has changed too much meanwhile: another one is due then.
+  bool TakeRefinement(const RefinementOutcome& outcome);
+
+  // Complete, and the final refinement in this thread.
   void Finalize();
 
-  // Connections a person has ruled out: kept deactivated in all that follows.
-  void SetDisabled(const std::set<std::pair<SubmapKey, SubmapKey>>& disabled);
-
   const std::map<std::string, Session>& sessions() const { return sessions_; }
+  std::vector<Connection> connections() const;
+  const MergedTransforms& transforms() const { return transforms_; }
   int num_connections() const { return static_cast<int>(connections_.size()); }
+  int num_decisions() const { return num_decisions_; }
   int num_accepted() const;
-  int num_components() const { return num_components_; }
+  int num_components() const { return forest_.num_components; }
   int64_t revision() const { return transforms_.revision; }
+  bool IsFinal() const { return transforms_.is_final; }
 
  private:
   using PairKey = std::pair<SubmapKey, SubmapKey>;
@@ -136,11 +120,21 @@ class Merger {
     SubmapKey submap;
     ConnectedFrames frames;
   };
+  // What the last refinement during the flight said.
+  struct LiveRefinement {
+    std::map<SubmapKey, RefinedPlace> places;
+    std::set<PairKey> pairs;   // connections that took part
+    std::set<PairKey> tree;
+    int num_keyframes = 0;     // of submaps that were joined to others
+  };
 
   SubmapView View(const SubmapKey& key) const;
   bool IsOlder(const SubmapKey& l, const SubmapKey& r) const;
   std::vector<SubmapKey> OrderedSubmaps() const;
   std::vector<MergerCursor> Cursors() const;
+  bool IsDisabled(const PairKey& pair) const;
+  std::set<PairKey> TreePairs() const;
+  int NumJoinedKeyframes() const;
 
   // Asks for proposals and verifies them; pairs of submaps looked at are added to evaluated.
   void Evaluate(const std::string& session, SubmapId submap, KeyframeId keyframe, bool same_submap,
@@ -149,25 +143,33 @@ class Merger {
   void EvaluateAgain(const std::string& session, SubmapId submap, std::set<PairKey>* evaluated);
   // Estimates what changed, runs Kruskal with the cycle check, announces connections and transforms.
   void Update(const std::set<PairKey>& evaluated, bool announce_all);
-  void Refine();
+  // Verdicts, tree and components.
+  void JudgeConnections(const std::set<PairKey>& evaluated, bool estimate_all);
+  // Of the tree as it is.
+  MergedTransforms PlaceSubmaps() const;
 
   MergerOptions options_;
   BowSource* bow_;
   MergerOutput* output_;
   std::map<std::string, Session> sessions_;
   int64_t num_records_ = 0;
+  int64_t state_ = 0;                  // counts everything that can change the map
   struct Pending {
     SubmapId submap;
     KeyframeId keyframe;
   };
-  std::map<std::string, Pending> pending_;
+  std::map<std::string, std::vector<Pending>> pending_;
   std::map<PairKey, Connection> connections_;
   std::set<PairKey> dirty_;            // edges whose evidence changed since they were estimated
   std::set<std::pair<std::string, KeyframeId>> connected_;  // keyframes with an accepted connected frame
   std::vector<Loop> loops_;
-  std::set<PairKey> disabled_;
+  std::set<PairKey> disabled_;         // each the lesser key first
+  int num_decisions_ = 0;
+  std::vector<TreeEdge> tree_;         // between indices into OrderedSubmaps()
+  SpanningForest forest_;
+  LiveRefinement live_, live_task_;    // taken in; being made
+  bool complete_ = false;
   MergedTransforms transforms_;
-  int num_components_ = 0;
 };
 
 }  // namespace mapmend

@@ -1,19 +1,28 @@
 #include "procs/merger/merger_process.h"
 
 #include <spdlog/spdlog.h>
+#include <time.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <mapmend/bow_query_t.hpp>
 #include <mapmend/bow_result_t.hpp>
+#include <mapmend/edge_decisions_t.hpp>
+#include <mapmend/graph_request_t.hpp>
+#include <mapmend/graph_t.hpp>
 #include <optional>
 #include <stdexcept>
+#include <utility>
 
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
+#include "libs/bus/codec.h"
 #include "libs/bus/health.h"
 #include "libs/bus/store_client.h"
 #include "libs/bus/stream_consumer.h"
 #include "libs/retrieval/vocabulary.h"
+#include "procs/merger/background_refinement.h"
+#include "procs/merger/latency_meter.h"
 #include "procs/merger/merger_messages.h"
 
 namespace mapmend {
@@ -62,7 +71,8 @@ class StoreBowSource : public BowSource {
 
 class BusOutput : public MergerOutput {
  public:
-  BusOutput(Bus* bus, StoreClient* client, HealthReporter* health) : bus_(bus), client_(client), health_(health) {}
+  BusOutput(Bus* bus, StoreClient* client, HealthReporter* health, LatencyMeter* latency)
+      : bus_(bus), client_(client), health_(health), latency_(latency) {}
 
   void OnConnection(const Connection& connection) override {
     bus_->Publish(channels::kConnection, ToMessage(connection));
@@ -75,6 +85,7 @@ class BusOutput : public MergerOutput {
   }
   void OnTransforms(const MergedTransforms& transforms) override {
     bus_->Publish(channels::kMergedTransforms, ToMessage(transforms));
+    if (!transforms.refined) latency_->OnBroadcast();
     health_->SetCounter("revision", static_cast<double>(transforms.revision));
     health_->Tick();
   }
@@ -102,7 +113,189 @@ class BusOutput : public MergerOutput {
   Bus* bus_;
   StoreClient* client_;
   HealthReporter* health_;
+  LatencyMeter* latency_;
   std::string progress_;
+};
+
+double ThreadCpuMs() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
+}
+
+// The loop of the process: records and decisions in, revisions out, refinement beside it.
+class MergerLoop {
+ public:
+  MergerLoop(const MergerProcessOptions& options, const MergerOptions& merger_options, const std::string& vocabulary_hash, Bus* bus)
+      : options_(options),
+        vocabulary_hash_(vocabulary_hash),
+        bus_(bus),
+        health_(bus, "merger"),
+        client_(bus, "merger-" + std::to_string(getpid())),
+        bow_(&client_),
+        output_(bus, &client_, &health_, &latency_),
+        merger_(merger_options, &bow_, &output_),
+        consumer_(bus, &client_, [this](const Record& record) { OnRecord(record); }) {
+    bus->Subscribe<edge_decisions_t>(channels::kEdgeDecisions, Delivery::kKeepAll,
+                                     [this](const edge_decisions_t& decisions) { OnDecisions(decisions); });
+    bus->SubscribeRaw(channels::kKeyframe, Delivery::kKeepAll, [this](const uint8_t* data, int size) {
+      if (const auto header = PeekHeader(data, size)) latency_.OnHeard(header->session, header->seq);
+    });
+    bus->Subscribe<graph_request_t>(channels::kGraphRequest, Delivery::kKeepAll,
+                                    [this](const graph_request_t& request) { requests_.push_back(request); });
+  }
+
+  void Run() {
+    health_.SetState("ready");
+    while (!StopRequested()) {
+      const int delivered = AskForDecisions() ? consumer_.Spin(refinement_.IsRunning() ? 10 : 50) : 0;
+      merger_.SetDecisions(decisions_);
+      const bool is_idle = delivered == 0 && consumer_.QueueDepth() == 0;
+      if (is_idle && merger_.AllEnded() && completed_at_ != NumDelivered()) Complete();
+      Refine();
+      Answer();
+      Report();
+    }
+  }
+
+ private:
+  void OnRecord(const Record& record) {
+    if (const auto* start = std::get_if<SessionStarted>(&record.body)) {
+      if (!vocabulary_hash_.empty() && !start->vocabulary_hash.empty() && start->vocabulary_hash != vocabulary_hash_) {
+        throw std::runtime_error("session " + record.header.session + " was made with another vocabulary (" +
+                                 start->vocabulary_hash + ") than " + options_.vocabulary + " (" + vocabulary_hash_ + ")");
+      }
+    }
+    const bool is_keyframe = std::holds_alternative<KeyframeRecord>(record.body);
+    if (is_keyframe) latency_.OnDelivered(record.header.session, record.header.seq);
+    const double begin_ms = ThreadCpuMs();
+    const std::string error = merger_.Consume(record);
+    ++num_consumed_;
+    // The update behind a keyframe is where it is evaluated.
+    if (is_keyframe) {
+      keyframe_ms_ = ThreadCpuMs() - begin_ms;
+    } else if (keyframe_ms_ && std::holds_alternative<MapUpdate>(record.body)) {
+      evaluation_ms_.push_back(*keyframe_ms_ + ThreadCpuMs() - begin_ms);
+      keyframe_ms_.reset();
+    }
+    if (!error.empty()) {
+      ++num_refused_;
+      spdlog::warn("merger: record {} of session {} refused: {}", record.header.seq, record.header.session, error);
+      return;
+    }
+    health_.SetCursor(record.header.session, record.header.seq);
+    health_.SetState("busy");
+  }
+
+  // In handlers only noted: they may run in the middle of an evaluation that waits for the store.
+  void OnDecisions(const edge_decisions_t& message) {
+    if (message.decisions.size() < decisions_.size()) return;  // decisions are only ever added: an answer that came late
+    decisions_.clear();
+    for (const edge_decision_t& d : message.decisions) {
+      decisions_.push_back({{d.session_a, SubmapId(d.submap_a)}, {d.session_b, SubmapId(d.submap_b)}, d.disabled != 0});
+    }
+  }
+
+  // Once, before anything else: what was decided earlier holds for all that follows.
+  bool AskForDecisions() {
+    if (!knows_decisions_) {
+      constexpr int kTimeoutMs = 400;
+      knows_decisions_ = client_.DecideEdges({}, kTimeoutMs).has_value();
+    }
+    return knows_decisions_;
+  }
+
+  int64_t NumDelivered() const { return num_consumed_; }
+
+  void Complete() {
+    health_.SetState("busy", "comparing all submaps");
+    knows_decisions_ = false;  // a message may have been missed
+    while (!AskForDecisions() && !StopRequested()) health_.Tick();
+    merger_.SetDecisions(decisions_);
+    spdlog::info("merger: {} broadcasts {:.0f} ms (median), {:.0f} ms (p95) after their keyframe; {:.1f} ms of CPU a keyframe (median of {})",
+                 latency_.Count(), latency_.Percentile(0.5), latency_.Percentile(0.95), MedianEvaluationMs(), evaluation_ms_.size());
+    merger_.Complete();
+    completed_at_ = NumDelivered();
+  }
+
+  void Refine() {
+    if (refinement_.IsRunning()) {
+      const std::optional<RefinementOutcome> outcome = refinement_.Poll();
+      for (const std::string& what : refinement_.TakeProgress()) output_.OnProgress(what);
+      if (outcome && merger_.TakeRefinement(*outcome)) {
+        spdlog::info("merger: revision {} refined{}", merger_.revision(), merger_.IsFinal() ? ", final" : "");
+      }
+    }
+    // During the flight only when there is nothing to catch up with.
+    constexpr int kMaxBehind = 8;
+    if (!refinement_.IsRunning() && merger_.RefinementIsDue() && consumer_.QueueDepth() <= kMaxBehind) {
+      if (completed_at_ == NumDelivered()) health_.SetState("busy", "refining the merged map");
+      refinement_.Start(merger_.MakeRefinement());
+    }
+  }
+
+  void Answer() {
+    for (const graph_request_t& request : std::exchange(requests_, {})) {
+      graph_t graph{};
+      graph.id = request.id;
+      graph.requester = request.requester;
+      graph.transforms = ToMessage(merger_.transforms());
+      graph.num_decisions = merger_.num_decisions();
+      for (const Connection& c : merger_.connections()) graph.connections.push_back(ToMessage(c));
+      graph.num_connections = static_cast<int32_t>(graph.connections.size());
+      bus_->Publish(channels::kGraph, graph);
+    }
+  }
+
+  // How long things took, now and then.
+  void ReportTimes() {
+    const auto now = LatencyMeter::Clock::now();
+    if (now - times_reported_ < std::chrono::seconds(1)) return;
+    times_reported_ = now;
+    if (latency_.Count() > 0) {
+      health_.SetCounter("broadcast_ms_median", latency_.Percentile(0.5));
+      health_.SetCounter("broadcast_ms_p95", latency_.Percentile(0.95));
+    }
+    if (!evaluation_ms_.empty()) health_.SetCounter("keyframe_cpu_ms_median", MedianEvaluationMs());
+  }
+
+  double MedianEvaluationMs() const {
+    if (evaluation_ms_.empty()) return 0;
+    std::vector<double> ms = evaluation_ms_;
+    std::nth_element(ms.begin(), ms.begin() + static_cast<long>(ms.size() / 2), ms.end());
+    return ms[ms.size() / 2];
+  }
+
+  void Report() {
+    ReportTimes();
+    health_.SetQueueDepth(consumer_.QueueDepth());
+    health_.SetCounter("connections", merger_.num_connections());
+    health_.SetCounter("edges_accepted", merger_.num_accepted());
+    health_.SetCounter("components", merger_.num_components());
+    health_.SetCounter("refused", static_cast<double>(num_refused_ + consumer_.NumRefused()));
+    if (completed_at_ == NumDelivered() && merger_.IsFinal() && !merger_.RefinementIsDue()) health_.SetState("done");
+    health_.Tick();
+  }
+
+  const MergerProcessOptions& options_;
+  const std::string vocabulary_hash_;
+  Bus* bus_;
+  HealthReporter health_;
+  StoreClient client_;
+  StoreBowSource bow_;
+  LatencyMeter latency_;
+  BusOutput output_;
+  Merger merger_;
+  StreamConsumer consumer_;
+  BackgroundRefinement refinement_;
+  std::vector<EdgeDecision> decisions_;
+  std::vector<graph_request_t> requests_;
+  std::optional<double> keyframe_ms_;   // CPU time of this thread
+  std::vector<double> evaluation_ms_;
+  LatencyMeter::Clock::time_point times_reported_;
+  bool knows_decisions_ = false;
+  int64_t num_consumed_ = 0, num_refused_ = 0;
+  int64_t completed_at_ = 0;  // number of records at the last second pass
 };
 
 }  // namespace
@@ -113,53 +306,9 @@ int RunMergerProcess(const MergerProcessOptions& options) {
   if (const std::string error = merger_options.Check(); !error.empty()) throw std::runtime_error(error);
   std::string vocabulary_hash;
   if (!options.vocabulary.empty()) vocabulary_hash = Vocabulary::Read(options.vocabulary).Hash();
-
   InstallSignalHandlers();
   Bus bus(ResolveLcmUrl(options.process.lcm_url), options.process.channel_prefix);
-  HealthReporter health(&bus, "merger");
-  StoreClient client(&bus, "merger-" + std::to_string(getpid()));
-  StoreBowSource bow(&client);
-  BusOutput output(&bus, &client, &health);
-  Merger merger(merger_options, &bow, &output);
-  int64_t num_refused = 0;
-  bool work_left = false;
-  StreamConsumer consumer(&bus, &client, [&](const Record& record) {
-    if (const auto* start = std::get_if<SessionStarted>(&record.body)) {
-      if (!vocabulary_hash.empty() && !start->vocabulary_hash.empty() && start->vocabulary_hash != vocabulary_hash) {
-        throw std::runtime_error("session " + record.header.session + " was made with another vocabulary (" +
-                                 start->vocabulary_hash + ") than " + options.vocabulary + " (" + vocabulary_hash + ")");
-      }
-    }
-    const std::string error = merger.Consume(record);
-    if (!error.empty()) {
-      ++num_refused;
-      spdlog::warn("merger: record {} of session {} refused: {}", record.header.seq, record.header.session, error);
-      return;
-    }
-    work_left = true;
-    health.SetCursor(record.header.session, record.header.seq);
-  });
-
-  health.SetState("ready");
-  while (!StopRequested()) {
-    const int delivered = consumer.Spin(50);
-    health.SetQueueDepth(consumer.QueueDepth());
-    health.SetCounter("connections", merger.num_connections());
-    health.SetCounter("edges_accepted", merger.num_accepted());
-    health.SetCounter("components", merger.num_components());
-    health.SetCounter("refused", static_cast<double>(num_refused + consumer.NumRefused()));
-    if (work_left && delivered > 0) health.SetState("busy");
-    if (work_left && delivered == 0 && consumer.QueueDepth() == 0 && merger.AllEnded()) {
-      health.SetState("busy", "refining the merged map");
-      merger.Finalize();
-      work_left = false;
-      health.SetCounter("connections", merger.num_connections());
-      health.SetCounter("edges_accepted", merger.num_accepted());
-      health.SetCounter("components", merger.num_components());
-      health.SetState("done");
-    }
-    health.Tick();
-  }
+  MergerLoop(options, merger_options, vocabulary_hash, &bus).Run();
   return 0;
 }
 

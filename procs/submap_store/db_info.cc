@@ -2,6 +2,7 @@
 
 #include "procs/submap_store/database.h"
 #include "procs/submap_store/db_commands.h"
+#include "procs/submap_store/edge_decisions.h"
 #include "procs/submap_store/revision_store.h"
 #include "procs/submap_store/schema.h"
 
@@ -65,6 +66,10 @@ void PrintDbInfo(const std::string& path) {
                   static_cast<long long>(newest), counts->getColumn(0).getInt(), counts->getColumn(1).getInt(),
                   counts->getColumn(2).getInt());
     }
+  }
+  for (const edge_decision_t& d : EdgeDecisions(&database).All()) {
+    std::printf("decision: connection of submap %d of %s and submap %d of %s %s\n", d.submap_a, d.session_a.c_str(), d.submap_b,
+                d.session_b.c_str(), d.disabled != 0 ? "switched off" : "left to the merger again");
   }
   PrintSizes(&database);
 }

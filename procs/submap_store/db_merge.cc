@@ -54,6 +54,16 @@ void CopySession(SQLite::Database* out, const Source& source) {
   out->exec("DETACH DATABASE source");
 }
 
+// The decisions of each file hold for its own sessions, so their order among the files does not matter.
+void CopyEdgeDecisions(SQLite::Database* out, const std::string& path) {
+  SQLite::Statement attach(*out, "ATTACH DATABASE ? AS source");
+  attach.bind(1, path);
+  attach.exec();
+  const std::string columns = "session_a, submap_a, session_b, submap_b, disabled";
+  out->exec("INSERT INTO main.edge_decision(" + columns + ") SELECT " + columns + " FROM source.edge_decision ORDER BY number");
+  out->exec("DETACH DATABASE source");
+}
+
 }  // namespace
 
 void MergeDbs(const std::vector<std::string>& inputs, const std::string& out) {
@@ -83,6 +93,7 @@ void MergeDbs(const std::vector<std::string>& inputs, const std::string& out) {
   try {
     Database database(temporary, Database::Mode::kReadWrite);
     for (const Source& source : sources) CopySession(&database.Sql(), source);
+    for (const std::string& path : inputs) CopyEdgeDecisions(&database.Sql(), path);
     database.Sql().exec("PRAGMA wal_checkpoint(TRUNCATE)");
   } catch (...) {
     for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(temporary + suffix);

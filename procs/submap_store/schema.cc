@@ -145,6 +145,17 @@ CREATE TABLE connection(
 );
 CREATE INDEX connection_revision ON connection(revision);
 )sql",
+    // 4: what a person decided about connections.
+    R"sql(
+CREATE TABLE edge_decision(
+  number INTEGER PRIMARY KEY,
+  session_a TEXT NOT NULL,
+  submap_a INTEGER NOT NULL,
+  session_b TEXT NOT NULL,
+  submap_b INTEGER NOT NULL,
+  disabled INTEGER NOT NULL
+);
+)sql",
 };
 
 }  // namespace

@@ -37,6 +37,9 @@ StoreAdapter::StoreAdapter(Bus* bus, SubmapStore* store) : bus_(bus), store_(sto
   bus->Subscribe<fetch_t>(channels::kFetch, Delivery::kKeepAll, [this](const fetch_t& request) {
     bus_->Publish(channels::kFetched, store_->Fetch(request));
   });
+  bus->Subscribe<edge_request_t>(channels::kEdgeRequest, Delivery::kKeepAll, [this](const edge_request_t& request) {
+    bus_->Publish(channels::kEdgeDecisions, store_->edge_decisions()->Decide(request));
+  });
   bus->Subscribe<close_session_t>(channels::kCloseSession, Delivery::kKeepAll, [this](const close_session_t& request) {
     bus_->Publish(channels::kSessionClosed, store_->Close(request, SteadyMs()));
   });

@@ -49,6 +49,7 @@ SubmapStore::SubmapStore(const SubmapStoreOptions& options)
                 Database::Mode::kReadWrite),
       search_(&database_),
       revisions_(&database_),
+      edge_decisions_(&database_),
       vocabulary_hash_(options.vocabulary_hash) {
   for (const SessionRow& row : database_.Sessions()) {
     if (vocabulary_hash_.empty()) vocabulary_hash_ = row.vocabulary_hash;

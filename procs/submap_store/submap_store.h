@@ -16,6 +16,7 @@
 #include "procs/submap_store/bow_search.h"
 #include "procs/submap_store/database.h"
 #include "procs/submap_store/derived_tables.h"
+#include "procs/submap_store/edge_decisions.h"
 #include "procs/submap_store/revision_store.h"
 #include "procs/submap_store/session_log.h"
 
@@ -54,6 +55,7 @@ class SubmapStore {
   fetched_t Fetch(const fetch_t& request);
   session_closed_t Close(const close_session_t& request, int64_t now_ms);
   RevisionStore* revisions() { return &revisions_; }
+  EdgeDecisions* edge_decisions() { return &edge_decisions_; }
 
   struct Status {
     std::string error;  // empty, or why nothing is committed
@@ -85,6 +87,7 @@ class SubmapStore {
   Database database_;
   BowSearch search_;
   RevisionStore revisions_;
+  EdgeDecisions edge_decisions_;
   std::map<std::string, std::unique_ptr<SessionState>> sessions_;
   std::deque<GeometryWriter> geometry_;  // submaps that have ended
   std::string vocabulary_hash_, error_;

@@ -103,5 +103,23 @@ TEST(ComposeAlongForest, PlacesEveryVertexInTheFrameOfTheOldest) {
   EXPECT_EQ(places[4].root, 4);
 }
 
+TEST(ComposeAlongForest, WhatWasRefinedTogetherKeepsItsPlacesAndTheRestFollows) {
+  const auto shift = [](double x) { return Similarity3(1, Eigen::Quaterniond::Identity(), {x, 0, 0}); };
+  // A chain 0 - 1 - 2 - 3, each a unit on by its edge; 0 to 2 were refined to lie 1.5 apart.
+  const std::vector<TreeEdge> chain = {{1, 0, shift(1)}, {2, 1, shift(1)}, {3, 2, shift(1)}};
+  const std::vector<RefinedPlace> refined = {{7, shift(10)}, {7, shift(11.5)}, {7, shift(13)}, {}};
+  const std::vector<MergedPlace> places = ComposeAlongForest(4, chain, refined);
+  EXPECT_DOUBLE_EQ(places[0].root_from_vertex.translation.x(), 0);
+  EXPECT_DOUBLE_EQ(places[1].root_from_vertex.translation.x(), 1.5);
+  EXPECT_DOUBLE_EQ(places[2].root_from_vertex.translation.x(), 3);
+  EXPECT_DOUBLE_EQ(places[3].root_from_vertex.translation.x(), 4);  // by its edge from where 2 lies now
+
+  // Without the edge 0 - 1 the group falls apart: 1 is the root of what is left, 2 keeps its distance from it.
+  const std::vector<MergedPlace> apart = ComposeAlongForest(4, {{2, 1, shift(1)}, {3, 2, shift(1)}}, refined);
+  EXPECT_EQ(apart[1].root, 1);
+  EXPECT_DOUBLE_EQ(apart[1].root_from_vertex.translation.x(), 0);
+  EXPECT_DOUBLE_EQ(apart[2].root_from_vertex.translation.x(), 1.5);
+}
+
 }  // namespace
 }  // namespace mapmend

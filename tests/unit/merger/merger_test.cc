@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <optional>
 
 #include "libs/geometry/sim3_closed_form.h"
 #include "tests/unit/merger/synthetic_flight.h"
@@ -242,6 +243,15 @@ TEST(Merger, PerceptualAliasingIsCaughtAsSoonAsTheGraphClosesACycle) {
   Recorder out;
   Merger merger({}, &bow, &out);
   for (const Record& r : flight.records()) ASSERT_EQ(merger.Consume(r), "");
+  // At once: its first evidence closes the cycle 0 - 1 - 2, and already with that it is told to be wrong. It is never used.
+  const auto first = std::find_if(out.connections.begin(), out.connections.end(), [](const Connection& c) {
+    return c.a.submap == SubmapId(0) && c.b.submap == SubmapId(2) && c.num_connected_frames > 0;
+  });
+  ASSERT_NE(first, out.connections.end());
+  EXPECT_EQ(first->verdict, Connection::Verdict::kDeactivated) << first->reason;
+  for (const MergedTransforms& t : out.transforms) {
+    for (const auto& edge : t.edges) EXPECT_NE(edge, std::pair(0, 2));
+  }
   merger.Finalize();
   ASSERT_EQ(out.revision.edges.size(), 2u);
   bool caught = false;
@@ -260,6 +270,163 @@ TEST(Merger, PerceptualAliasingIsCaughtAsSoonAsTheGraphClosesACycle) {
   EXPECT_LT(MergedError(out, flight.world_from_keyframe()), 0.4);
 }
 
+// All that a revision says, as text.
+std::string Digest(const Recorder& out) {
+  std::string text;
+  const auto add = [&](const auto& values) {
+    for (const double v : values) text += std::to_string(v) + " ";
+  };
+  for (const auto& place : out.revision.submaps) {
+    text += std::to_string(place.component) + ":";
+    add(ToArray(place.root_from_submap));
+  }
+  for (const Connection& c : out.final_connections) text += c.reason + (c.in_tree ? " tree\n" : "\n");
+  for (const RefinedSubmap& s : out.submaps) {
+    for (const auto& k : s.keyframes) add(ToArray(k.cam_from_root));
+    for (const auto& p : s.points) add(std::vector<float>{p.position.x(), p.position.y(), p.position.z()});
+    text += std::to_string(s.fused.size()) + "\n";
+  }
+  return text;
+}
+
+TEST(Merger, RefinementDuringTheFlightComesAsARevisionAndDoesNotTouchTheFinalMap) {
+  const SyntheticFlight flight = ThreeCrossingStrips();
+  Recorder plain;
+  {
+    BruteForceBow bow(flight.records());
+    Merger merger({}, &bow, &plain);
+    for (const Record& r : flight.records()) ASSERT_EQ(merger.Consume(r), "");
+    merger.Finalize();
+  }
+  Recorder out;
+  BruteForceBow bow(flight.records());
+  Merger merger({}, &bow, &out);
+  int num_taken = 0;
+  std::optional<RefinementOutcome> late;  // arrives some records after it was asked for, as from a thread
+  int64_t last = -1;
+  for (const Record& r : flight.records()) {
+    ASSERT_EQ(merger.Consume(r), "");
+    if (late && merger.TakeRefinement(*late)) {
+      ++num_taken;
+      EXPECT_TRUE(out.revision.refined);
+      EXPECT_FALSE(out.revision.is_final);
+      EXPECT_EQ(out.revision.revision % 2, 1);
+      // Its places stand: the next record that changes no connection announces nothing.
+      EXPECT_EQ(ToArray(merger.transforms().submaps[0].root_from_submap), ToArray(Similarity3()));
+    }
+    late.reset();
+    if (merger.RefinementIsDue()) {
+      late = RunRefinement(merger.MakeRefinement(), {});
+      EXPECT_FALSE(merger.RefinementIsDue());
+    }
+    EXPECT_GE(merger.revision(), last);
+    last = merger.revision();
+  }
+  EXPECT_GE(num_taken, 2);
+  EXPECT_FALSE(merger.RefinementIsDue());  // all have ended: only the final one is left
+  merger.Complete();
+  ASSERT_TRUE(merger.RefinementIsDue());
+  if (late) {
+    EXPECT_FALSE(merger.TakeRefinement(*late));
+  }
+  ASSERT_TRUE(merger.TakeRefinement(RunRefinement(merger.MakeRefinement(), {})));
+  EXPECT_FALSE(merger.RefinementIsDue());
+  EXPECT_TRUE(out.revision.is_final);
+  EXPECT_EQ(Digest(out), Digest(plain));
+}
+
+TEST(Merger, TheFinalMapIsAFunctionOfStreamAndDecisionsWheneverTheyWereMade) {
+  const SyntheticFlight flight = ThreeCrossingStrips();
+  const std::string session = flight.records()[0].header.session;
+  const std::vector<EdgeDecision> decisions = {{{session, SubmapId(0)}, {session, SubmapId(1)}, true},
+                                               {{session, SubmapId(1)}, {session, SubmapId(2)}, true},
+                                               {{session, SubmapId(2)}, {session, SubmapId(1)}, false}};
+  std::vector<Recorder> outs(3);
+  for (int when = 0; when < 3; ++when) {
+    BruteForceBow bow(flight.records());
+    Merger merger({}, &bow, &outs[when]);
+    if (when == 0) merger.SetDecisions(decisions);  // a merger that was started again
+    size_t i = 0;
+    for (const Record& r : flight.records()) {
+      merger.Consume(r);
+      if (when == 1 && ++i == flight.records().size() / 2) merger.SetDecisions({decisions[0]});
+      if (when == 1 && i == flight.records().size() * 3 / 4) merger.SetDecisions(decisions);
+    }
+    merger.Finalize();
+    if (when == 2) {  // after the end
+      EXPECT_EQ(outs[when].revision.edges.size(), 2u);
+      const int64_t before = outs[when].revision.revision;
+      merger.SetDecisions(decisions);
+      ASSERT_TRUE(merger.RefinementIsDue());
+      ASSERT_TRUE(merger.TakeRefinement(RunRefinement(merger.MakeRefinement(), {})));
+      EXPECT_GT(outs[when].revision.revision, before);
+    }
+    EXPECT_TRUE(outs[when].revision.is_final);
+    EXPECT_EQ(outs[when].revision.edges.size(), 1u);
+    EXPECT_EQ(outs[when].revision.revision, outs[0].revision.revision);
+    EXPECT_EQ(Digest(outs[when]), Digest(outs[0]));
+    for (const Connection& c : outs[when].final_connections) {
+      if (c.a.submap == SubmapId(0) && c.b.submap == SubmapId(1)) {
+        EXPECT_EQ(c.verdict, Connection::Verdict::kDeactivated);
+        EXPECT_NE(c.reason.find("switched off by hand"), std::string::npos) << c.reason;
+      }
+    }
+  }
+}
+
+TEST(Merger, AConnectionIsEstimatedAnewFromAllItsEvidenceAsItsSubmapsGrow) {
+  const SyntheticFlight flight = ThreeCrossingStrips();
+  BruteForceBow bow(flight.records());
+  Recorder out;
+  Merger merger({}, &bow, &out);
+  for (const Record& r : flight.records()) merger.Consume(r);
+  const size_t live = out.connections.size();
+  merger.Finalize();
+  // What was said of the pair 0, 1 in the course of time: ever more connected frames and common points, an ever better scale.
+  std::vector<Connection> said;
+  for (size_t i = 0; i < live; ++i) {
+    const Connection& c = out.connections[i];
+    if (c.a.submap == SubmapId(0) && c.b.submap == SubmapId(1) && c.num_connected_frames > 0) said.push_back(c);
+  }
+  ASSERT_GE(said.size(), 3u);
+  for (size_t i = 1; i < said.size(); ++i) {
+    EXPECT_GE(said[i].num_connected_frames, said[i - 1].num_connected_frames);
+    EXPECT_GE(said[i].num_common_points, said[i - 1].num_common_points);
+  }
+  EXPECT_GT(said.back().num_connected_frames, said.front().num_connected_frames);
+  EXPECT_GT(said.back().strength, said.front().strength);
+  EXPECT_NE(ToArray(said.back().b_from_a), ToArray(said.front().b_from_a));
+  const Similarity3 truth = flight.submap_from_world()[1] * flight.submap_from_world()[0].Inverse();
+  EXPECT_NEAR(said.back().b_from_a.scale / truth.scale, 1, 0.01);
+  // And the second pass, in which the older submap asks as well, knows at least as much.
+  for (const Connection& c : out.final_connections) {
+    if (c.a.submap == SubmapId(0) && c.b.submap == SubmapId(1)) {
+      EXPECT_GE(c.num_common_points, said.back().num_common_points);
+    }
+  }
+}
+
+TEST(Merger, AConnectionIsAnnouncedWithTheMapUpdateThatBringsItsPoints) {
+  const SyntheticFlight flight = ThreeCrossingStrips();
+  BruteForceBow bow(flight.records());
+  Recorder out;
+  Merger merger({}, &bow, &out);
+  int late = 0, in_time = 0;
+  const Record* before = nullptr;
+  for (const Record& r : flight.records()) {
+    const size_t known = out.transforms.size();
+    merger.Consume(r);
+    if (out.transforms.size() > known) {
+      // Right after the keyframe's own update, or at the end of a submap; never only when the next keyframe comes.
+      const bool own_update = std::holds_alternative<MapUpdate>(r.body) && before && std::holds_alternative<KeyframeRecord>(before->body);
+      ++(own_update || std::holds_alternative<SubmapEnded>(r.body) ? in_time : late);
+    }
+    before = &r;
+  }
+  EXPECT_GT(in_time, 3);
+  EXPECT_EQ(late, 0);
+}
+
 TEST(Merger, AnEdgeSwitchedOffByHandStaysOff) {
   const SyntheticFlight flight = ThreeCrossingStrips();
   BruteForceBow bow(flight.records());
@@ -267,12 +434,12 @@ TEST(Merger, AnEdgeSwitchedOffByHandStaysOff) {
   Merger merger({}, &bow, &out);
   for (const Record& r : flight.records()) merger.Consume(r);
   const std::string session = flight.records()[0].header.session;
-  merger.SetDisabled({{{session, SubmapId(0)}, {session, SubmapId(1)}}});
+  merger.SetDecisions({{{session, SubmapId(1)}, {session, SubmapId(0)}, true}});
   EXPECT_EQ(out.transforms.back().edges.size(), 1u);
   merger.Finalize();
   EXPECT_EQ(out.revision.edges.size(), 1u);
   EXPECT_NE(out.revision.submaps[0].component, out.revision.submaps[1].component);
-  merger.SetDisabled({});
+  merger.SetDecisions({{{session, SubmapId(1)}, {session, SubmapId(0)}, true}, {{session, SubmapId(0)}, {session, SubmapId(1)}, false}});
   EXPECT_EQ(out.transforms.back().edges.size(), 2u);
 }
 

@@ -1,0 +1,116 @@
+#include "procs/mapmend/edge_table.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cstdio>
+#include <map>
+#include <set>
+#include <stdexcept>
+
+namespace mapmend {
+namespace {
+
+template <typename... Values>
+std::string Format(const char* format, Values... values) {
+  char text[512];
+  std::snprintf(text, sizeof(text), format, values...);
+  return text;
+}
+
+const char* VerdictName(int8_t verdict) {
+  switch (verdict) {
+    case connection_t::ACCEPTED: return "accepted";
+    case connection_t::DEACTIVATED: return "deactivated";
+    default: return "rejected";
+  }
+}
+
+int ParseNumber(const std::string& text, const std::string& whole) {
+  int number = -1;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc() || end != text.data() + text.size() || number < 0) {
+    throw std::runtime_error("'" + whole + "' is not a submap: give its number, or SESSION:NUMBER");
+  }
+  return number;
+}
+
+}  // namespace
+
+EdgeTable::EdgeTable(graph_t graph, const std::vector<std::string>& session_order) : graph_(std::move(graph)) {
+  for (const merged_submap_t& s : graph_.transforms.submaps) submaps_.emplace_back(s.session, s.submap);
+  const auto rank = [&](const std::string& session) {
+    return std::find(session_order.begin(), session_order.end(), session) - session_order.begin();
+  };
+  std::sort(submaps_.begin(), submaps_.end(), [&](const auto& l, const auto& r) {
+    return std::tuple(rank(l.first), l) < std::tuple(rank(r.first), r);
+  });
+}
+
+int EdgeTable::Number(const std::string& session, int32_t submap) const {
+  const auto it = std::find(submaps_.begin(), submaps_.end(), std::pair(session, submap));
+  return it == submaps_.end() ? -1 : static_cast<int>(it - submaps_.begin());
+}
+
+std::pair<std::string, int32_t> EdgeTable::FindSubmap(const std::string& text) const {
+  const size_t colon = text.rfind(':');
+  if (colon == std::string::npos) {
+    const auto number = static_cast<size_t>(ParseNumber(text, text));
+    if (number >= submaps_.size()) {
+      throw std::runtime_error("there is no submap " + text + ": the map has " + std::to_string(submaps_.size()) +
+                               (submaps_.empty() ? "" : ", numbered from 0"));
+    }
+    return submaps_[number];
+  }
+  const std::string session = text.substr(0, colon);
+  const int number = ParseNumber(text.substr(colon + 1), text);
+  std::set<std::pair<std::string, int32_t>> found;
+  for (const auto& submap : submaps_) {
+    if (submap.first == session && submap.second == number) return submap;
+    if (submap.first.starts_with(session) && submap.second == number) found.insert(submap);
+  }
+  if (found.size() == 1) return *found.begin();
+  throw std::runtime_error(found.empty() ? "there is no submap " + text
+                                         : "'" + session + "' is the beginning of several sessions: write more of it");
+}
+
+std::string EdgeTable::Text(const std::vector<edge_decision_t>& decisions) const {
+  std::vector<const connection_t*> connections;
+  for (const connection_t& c : graph_.connections) connections.push_back(&c);
+  std::stable_sort(connections.begin(), connections.end(),
+                   [](const connection_t* l, const connection_t* r) { return l->strength > r->strength; });
+  std::string text = Format("%9s %5s %6s %7s %8s %7s  %-11s %-4s  %s\n", "submaps", "F", "M", "theta", "C", "scale", "verdict",
+                            "tree", "reason");
+  for (const connection_t* c : connections) {
+    const std::string pair =
+        std::to_string(Number(c->session_a, c->submap_a)) + " - " + std::to_string(Number(c->session_b, c->submap_b));
+    const bool known = c->num_connected_frames > 0;
+    text += Format("%9s %5d %6d %7.1f %8.1f %7s  %-11s %-4s  ", pair.c_str(), c->num_connected_frames, c->num_common_points,
+                   c->median_angle_deg, c->strength, known ? Format("%.3f", c->b_from_a[7]).c_str() : "-",
+                   VerdictName(c->verdict), c->in_tree != 0 ? "yes" : "") +
+            c->reason + "\n";
+  }
+  std::set<int32_t> components;
+  for (const merged_submap_t& s : graph_.transforms.submaps) components.insert(s.component);
+  text += Format("revision %lld%s%s: %zu submaps in %zu components, %d connections in the tree\n",
+                 static_cast<long long>(graph_.transforms.revision), graph_.transforms.refined != 0 ? ", refined" : "",
+                 graph_.transforms.is_final != 0 ? ", final" : "", submaps_.size(), components.size(),
+                 graph_.transforms.num_edges);
+  std::map<std::pair<int, int>, bool> in_force;
+  for (const edge_decision_t& d : decisions) {
+    const int a = Number(d.session_a, d.submap_a), b = Number(d.session_b, d.submap_b);
+    in_force[{std::min(a, b), std::max(a, b)}] = d.disabled != 0;
+  }
+  for (const auto& [pair, disabled] : in_force) {
+    if (disabled) text += Format("switched off by hand: %d - %d\n", pair.first, pair.second);
+  }
+  std::map<std::string, int> first;
+  for (size_t i = 0; i < submaps_.size(); ++i) first.try_emplace(submaps_[i].first, static_cast<int>(i));
+  if (first.size() > 1) {
+    for (const auto& [session, number] : first) {
+      text += Format("submaps from %d on: session %s\n", number, session.c_str());
+    }
+  }
+  return text;
+}
+
+}  // namespace mapmend

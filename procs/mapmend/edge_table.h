@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+#include <mapmend/edge_decision_t.hpp>
+#include <mapmend/graph_t.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace mapmend {
+
+// The connection graph for a person. Submaps are numbered as in the report: sessions in the store's order, then by submap.
+class EdgeTable {
+ public:
+  EdgeTable(graph_t graph, const std::vector<std::string>& session_order);
+
+  // A submap by its number, or by SESSION:NUMBER with the number within the session, whose name may be cut short. Throws
+  // std::runtime_error with one line: unknown, or not the only one.
+  std::pair<std::string, int32_t> FindSubmap(const std::string& text) const;
+
+  // A line per evaluated pair, most strength first, then the state of the graph and the decisions in force.
+  std::string Text(const std::vector<edge_decision_t>& decisions) const;
+
+ private:
+  int Number(const std::string& session, int32_t submap) const;  // -1: unknown
+
+  graph_t graph_;
+  std::vector<std::pair<std::string, int32_t>> submaps_;  // by number
+};
+
+}  // namespace mapmend

@@ -1,0 +1,210 @@
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <fstream>
+#include <map>
+#include <mapmend/cursor_t.hpp>
+#include <mapmend/edge_decisions_t.hpp>
+#include <mapmend/fetch_t.hpp>
+#include <mapmend/fetched_t.hpp>
+#include <mapmend/graph_request_t.hpp>
+#include <mapmend/graph_t.hpp>
+#include <mapmend/revision_part_t.hpp>
+#include <mapmend/revision_t.hpp>
+#include <memory>
+#include <stdexcept>
+
+#include "libs/bus/channels.h"
+#include "libs/bus/process.h"
+#include "libs/bus/store_client.h"
+#include "procs/mapmend/commands.h"
+#include "procs/mapmend/edge_table.h"
+#include "procs/mapmend/map_file.h"
+#include "procs/mapmend/progress.h"
+#include "procs/mapmend/run_flight.h"
+#include "procs/mapmend/stderr_redirection.h"
+
+namespace mapmend {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+struct EdgesOptions {
+  MapFileOptions file;
+  std::string map, channel_prefix;
+  std::vector<std::string> submaps;  // the two that the edge joins; none for list
+  bool disable = false;
+};
+
+// The bus of a run that is writing into this folder now, or of a URL; empty: nothing runs.
+std::string LiveUrl(const std::string& map) {
+  if (map.find("://") != std::string::npos) return map;
+  const int fd = open(map.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return "";
+  const bool is_free = flock(fd, LOCK_EX | LOCK_NB) == 0;  // the launcher holds it as long as it runs
+  close(fd);
+  std::string url;
+  if (!is_free) std::ifstream(map + "/logs/lcm-url") >> url;
+  return url;
+}
+
+std::vector<std::string> SessionOrder(StoreClient* store) {
+  const auto reply = store->Fetch(fetch_t{});
+  if (!reply) throw std::runtime_error("the store does not answer");
+  std::vector<std::string> sessions;
+  for (const cursor_t& cursor : reply->sessions) sessions.push_back(cursor.session);
+  return sessions;
+}
+
+edge_decisions_t Decide(StoreClient* store, const std::vector<edge_decision_t>& decisions) {
+  const auto reply = store->DecideEdges(decisions);
+  if (!reply) throw std::runtime_error("the store does not take the decision");
+  return *reply;
+}
+
+edge_decision_t MakeDecision(const EdgesOptions& options, const EdgeTable& table) {
+  edge_decision_t decision{};
+  std::tie(decision.session_a, decision.submap_a) = table.FindSubmap(options.submaps[0]);
+  std::tie(decision.session_b, decision.submap_b) = table.FindSubmap(options.submaps[1]);
+  decision.disabled = options.disable ? 1 : 0;
+  if (std::tie(decision.session_a, decision.submap_a) == std::tie(decision.session_b, decision.submap_b)) {
+    throw std::runtime_error("an edge joins two submaps: name two different ones");
+  }
+  return decision;
+}
+
+// One graph, asked of the merger until is_wanted holds for it.
+graph_t AskMerger(Bus* bus, int timeout_ms, const std::function<bool(const graph_t&)>& is_wanted) {
+  graph_request_t request{};
+  request.requester = "edges-" + std::to_string(getpid());
+  std::optional<graph_t> graph;
+  bus->Subscribe<graph_t>(channels::kGraph, Delivery::kKeepAll, [&](const graph_t& reply) {
+    if (reply.requester == request.requester) graph = reply;
+  });
+  const auto deadline = Clock::now() + std::chrono::milliseconds(timeout_ms);
+  while (Clock::now() < deadline && !StopRequested()) {
+    ++request.id;
+    graph.reset();
+    bus->Publish(channels::kGraphRequest, request);
+    const auto resend = Clock::now() + std::chrono::milliseconds(1000);
+    while (!graph && Clock::now() < resend && !StopRequested()) bus->Handle(50);
+    if (graph && is_wanted(*graph)) return *graph;
+  }
+  throw std::runtime_error("the merger does not answer");
+}
+
+void WorkLive(const EdgesOptions& options, const std::string& url) {
+  const StderrRedirection quiet("/dev/null");
+  Bus bus(url, options.channel_prefix);
+  StoreClient store(&bus, "edges-" + std::to_string(getpid()));
+  constexpr int kAnswerMs = 5000, kHeedMs = 60000;  // a merger that compares all submaps answers when that is done
+  if (options.submaps.empty()) {
+    const EdgeTable table(AskMerger(&bus, kHeedMs, [](const graph_t&) { return true; }), SessionOrder(&store));
+    std::fputs(table.Text(Decide(&store, {}).decisions).c_str(), stdout);
+    return;
+  }
+  const std::vector<std::string> sessions = SessionOrder(&store);
+  const EdgeTable before(AskMerger(&bus, kAnswerMs, [](const graph_t&) { return true; }), sessions);
+  const edge_decisions_t all = Decide(&store, {MakeDecision(options, before)});
+  const EdgeTable after(
+      AskMerger(&bus, kHeedMs, [&](const graph_t& graph) { return graph.num_decisions >= all.num_decisions; }), sessions);
+  std::fputs(after.Text(all.decisions).c_str(), stdout);
+}
+
+EdgeTable ReadTable(Backend* backend, const std::string& db) {
+  StoreClient store(backend->bus(), "edges-" + std::to_string(getpid()));
+  revision_t revision;
+  std::vector<revision_part_t> parts;
+  if (store.FetchRevision(-1, &revision, &parts) != StoreClient::RevisionStatus::kOk) {
+    throw std::runtime_error(db + ": holds no merged map; `mapmend merge` makes one");
+  }
+  graph_t graph{};
+  graph.transforms = revision.transforms;
+  graph.connections = revision.connections;
+  return {graph, SessionOrder(&store)};
+}
+
+void WorkOnFile(EdgesOptions options) {
+  options.file.place = FindMap(options.map);
+  std::optional<edge_decisions_t> decisions;
+  size_t before = 0;
+  {
+    MapFile map(options.file);
+    const EdgeTable table = ReadTable(map.backend(), options.file.place.db);
+    StoreClient store(map.backend()->bus(), "edges-" + std::to_string(getpid()));
+    decisions = Decide(&store, {});
+    before = decisions->decisions.size();
+    if (!options.submaps.empty()) decisions = Decide(&store, {MakeDecision(options, table)});
+    if (options.submaps.empty() || decisions->decisions.size() == before) {
+      if (!options.submaps.empty()) std::puts("it is so already");
+      std::fputs(table.Text(decisions->decisions).c_str(), stdout);
+      map.backend()->StopAll();
+      return;
+    }
+    map.backend()->StopAll();
+  }
+  Progress progress;
+  options.file.with_merger = true;
+  options.file.out = options.file.place.folder;
+  {
+    MapFile map(options.file);
+    const std::string exports = map.Finish([&](const std::string& text) { progress.Show(text); });
+    if (!exports.empty()) progress.Say(exports);
+  }
+  options.file.with_merger = false;
+  options.file.out.clear();
+  MapFile map(options.file);
+  std::fputs(ReadTable(map.backend(), options.file.place.db).Text(decisions->decisions).c_str(), stdout);
+  map.backend()->StopAll();
+}
+
+void Work(const EdgesOptions& options) {
+  InstallSignalHandlers();
+  try {
+    const std::string url = LiveUrl(options.map);
+    if (url.empty()) {
+      WorkOnFile(options);
+    } else {
+      WorkLive(options, url);
+    }
+  } catch (const Interrupted&) {
+    throw CLI::RuntimeError(kExitInterrupted);
+  }
+}
+
+void AddAction(CLI::App* edges, const std::string& name, const std::string& description, bool has_submaps, bool disable) {
+  CLI::App* sub = edges->add_subcommand(name, description);
+  const auto options = std::make_shared<EdgesOptions>();
+  options->disable = disable;
+  sub->add_option("MAP", options->map, "folder of results (of a run that goes on, too), a map database, or the LCM URL of a live system")
+      ->required();
+  if (has_submaps) {
+    sub->add_option("SUBMAPS", options->submaps, "the two submaps, numbered as in the report, or SESSION:NUMBER with their session's name or its beginning")
+        ->required()
+        ->expected(2);
+    sub->add_option("--seed", options->file.seed, "for a file: that of the flight's run");
+    sub->add_option("--groundtruth", options->file.groundtruth, "for a folder of results: TUM file for the report");
+  }
+  sub->add_option("--vocabulary", options->file.vocabulary, "for a file: the one of the flights (default: mapmend's own)");
+  sub->add_option("--channel-prefix", options->channel_prefix, "of a live system");
+  sub->callback([options] { Work(*options); });
+}
+
+}  // namespace
+
+void AddEdgesCommand(CLI::App* app) {
+  CLI::App* sub = app->add_subcommand("edges", "Look at the connections between submaps; switch one off, or on again");
+  sub->require_subcommand(1);
+  AddAction(sub, "list", "Every pair of submaps that was compared, with strength, verdict and reason", false, false);
+  AddAction(sub, "disable", "Do not use a connection, whatever speaks for it; the merged map is made without it", true, true);
+  AddAction(sub, "enable", "Take back a disable: the merger decides about the connection again", true, false);
+  sub->footer(
+      "Decisions are kept in the map database: they hold after a restart, and for flights that are added later. On a run that\n"
+      "goes on they are heeded at once; on a file the merged map, and the exports of a folder, are made anew.");
+}
+
+}  // namespace mapmend

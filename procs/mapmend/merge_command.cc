@@ -1,0 +1,67 @@
+#include <cstdio>
+#include <memory>
+
+#include "libs/bus/process.h"
+#include "procs/mapmend/commands.h"
+#include "procs/mapmend/map_file.h"
+#include "procs/mapmend/progress.h"
+#include "procs/mapmend/run_flight.h"
+
+namespace mapmend {
+namespace {
+
+void Work(const MapFileOptions& options, const std::string& done) {
+  InstallSignalHandlers();
+  Progress progress;
+  try {
+    MapFile map(options);
+    const std::string table = map.Finish([&](const std::string& text) { progress.Show(text); });
+    progress.Say(table.empty() ? done : table);
+  } catch (const Interrupted&) {
+    progress.Say("interrupted");
+    throw CLI::RuntimeError(kExitInterrupted);
+  }
+}
+
+void AddCommonOptions(CLI::App* sub, std::string* map, MapFileOptions* options) {
+  sub->add_option("MAP", *map, "folder of results, or a map database")->required();
+  sub->add_option("--groundtruth", options->groundtruth, "TUM file; the report then tells the accuracy");
+  sub->add_option("--vocabulary", options->vocabulary, "the one that the flights were mapped with (default: mapmend's own)");
+  sub->add_option("--log-level", options->log_level, "of the log files in OUT/logs: debug, info, warn or error")
+      ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
+      ->capture_default_str();
+}
+
+}  // namespace
+
+void AddExportCommand(CLI::App* app) {
+  CLI::App* sub = app->add_subcommand("export", "Write the report, trajectories and point cloud of a map that was made before");
+  const auto options = std::make_shared<MapFileOptions>();
+  const auto map = std::make_shared<std::string>();
+  AddCommonOptions(sub, map.get(), options.get());
+  sub->add_option("--out", options->out, "folder of the results (default: MAP, if that is a folder)");
+  sub->callback([options, map] {
+    options->place = FindMap(*map);
+    if (options->out.empty()) options->out = options->place.folder;
+    if (options->out.empty()) throw std::runtime_error("give the folder for the results with --out");
+    Work(*options, "");
+  });
+}
+
+void AddMergeCommand(CLI::App* app) {
+  CLI::App* sub = app->add_subcommand(
+      "merge", "Connect all submaps of a map database anew and refine the merged map, e.g. after `mapmend db merge`");
+  const auto options = std::make_shared<MapFileOptions>();
+  const auto map = std::make_shared<std::string>();
+  AddCommonOptions(sub, map.get(), options.get());
+  sub->add_option("--out", options->out, "folder of the results (default: MAP, if that is a folder; else none are written)");
+  sub->add_option("--seed", options->seed, "of everything random; take that of the flight's run for the same map");
+  sub->callback([options, map] {
+    options->place = FindMap(*map);
+    options->with_merger = true;
+    if (options->out.empty()) options->out = options->place.folder;
+    Work(*options, options->place.db + ": merged");
+  });
+}
+
+}  // namespace mapmend

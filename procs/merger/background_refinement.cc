@@ -1,0 +1,65 @@
+#include "procs/merger/background_refinement.h"
+
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <utility>
+
+namespace mapmend {
+
+namespace {
+
+struct GivenUp : std::exception {};
+
+}  // namespace
+
+BackgroundRefinement::~BackgroundRefinement() {
+  give_up_ = true;
+  if (thread_.joinable()) thread_.join();
+}
+
+void BackgroundRefinement::Start(RefinementTask task) {
+  done_ = false;
+  outcome_.reset();
+  error_ = nullptr;
+  thread_ = std::thread([this, task = std::move(task)] { Run(task); });
+}
+
+void BackgroundRefinement::Run(const RefinementTask& task) {
+  // On Linux a priority set by thread id is that thread's alone, and the threads it starts inherit it.
+  constexpr int kNice = 10;
+  if (!task.is_final) setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), kNice);
+  std::optional<RefinementOutcome> outcome;
+  std::exception_ptr error;
+  try {
+    outcome = RunRefinement(task, [this](const std::string& what) {
+      if (give_up_) throw GivenUp();
+      const std::lock_guard<std::mutex> lock(mutex_);
+      progress_.push_back(what);
+    });
+  } catch (...) {
+    error = std::current_exception();
+  }
+  const std::lock_guard<std::mutex> lock(mutex_);
+  outcome_ = std::move(outcome);
+  error_ = error;
+  done_ = true;
+}
+
+std::optional<RefinementOutcome> BackgroundRefinement::Poll() {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (!done_ || !thread_.joinable()) return std::nullopt;
+  }
+  thread_.join();
+  if (error_) std::rethrow_exception(error_);
+  return std::move(outcome_);
+}
+
+std::vector<std::string> BackgroundRefinement::TakeProgress() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return std::exchange(progress_, {});
+}
+
+}  // namespace mapmend

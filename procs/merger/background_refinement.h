@@ -1,0 +1,43 @@
+#pragma once
+
+#include <atomic>
+#include <exception>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "procs/merger/refinement_task.h"
+
+namespace mapmend {
+
+// Runs one refinement at a time in a thread of its own, at low priority: tracking and connecting go first.
+class BackgroundRefinement {
+ public:
+  BackgroundRefinement() = default;
+  ~BackgroundRefinement();  // gives up what runs, at its next stage
+  BackgroundRefinement(const BackgroundRefinement&) = delete;
+  BackgroundRefinement& operator=(const BackgroundRefinement&) = delete;
+
+  bool IsRunning() const { return thread_.joinable(); }
+  // Must not be running.
+  void Start(RefinementTask task);
+  // The result, once. nullopt: not there yet. Throws what the refinement threw.
+  std::optional<RefinementOutcome> Poll();
+  // What it has said of its progress since the last call.
+  std::vector<std::string> TakeProgress();
+
+ private:
+  void Run(const RefinementTask& task);
+
+  std::thread thread_;
+  std::atomic<bool> give_up_ = false;
+  std::mutex mutex_;  // guards what follows
+  bool done_ = false;
+  std::optional<RefinementOutcome> outcome_;
+  std::exception_ptr error_;
+  std::vector<std::string> progress_;
+};
+
+}  // namespace mapmend

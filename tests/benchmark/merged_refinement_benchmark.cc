@@ -1,0 +1,116 @@
+// What the refinement of a merged map costs as the map grows: a survey of strips at 100 m (750 m long, 60 m apart, an image every
+// 30 m: 69 % forward and 53 % side overlap), some 800 features an image, a submap for every two strips, drift within submaps.
+//
+//   merged_refinement_benchmark                       100, 300, 500 and 1000 keyframes
+//   merged_refinement_benchmark --benchmark_filter=500
+
+#include <benchmark/benchmark.h>
+
+#include <cmath>
+#include <memory>
+
+#include "libs/geometry/sim3_closed_form.h"
+#include "libs/mapping/merged_refinement.h"
+#include "tests/unit/merger/synthetic_flight.h"
+
+namespace mapmend {
+namespace {
+
+using testing::FlightOptions;
+using testing::MakeTerrain;
+using testing::Strip;
+using testing::SyntheticFlight;
+using testing::TerrainOptions;
+using testing::TerrainPoint;
+
+constexpr int kPerStrip = 25;
+constexpr double kAlong = 30, kAcross = 60, kMargin = 100;
+
+struct Survey {
+  std::vector<TerrainPoint> terrain;
+  std::unique_ptr<SyntheticFlight> flight;
+  Session session;
+  std::vector<SubmapView> views;
+  std::vector<RefinementLink> links;
+  std::vector<Similarity3> tree;
+};
+
+std::unique_ptr<Survey> MakeSurvey(int num_keyframes) {
+  auto survey = std::make_unique<Survey>();
+  const int num_strips = num_keyframes / kPerStrip;
+  TerrainOptions terrain;
+  terrain.width = 2 * kMargin + kAlong * kPerStrip;
+  terrain.height = 2 * kMargin + kAcross * num_strips;
+  terrain.num_points = static_cast<int>(0.08 * terrain.width * terrain.height);
+  survey->terrain = MakeTerrain(terrain);
+  FlightOptions options;
+  options.scale_drift = 0.0005;
+  options.angle_drift_deg = 0.03;
+  survey->flight = std::make_unique<SyntheticFlight>("survey", 0, survey->terrain, options);
+  std::mt19937_64 random(5);
+  std::vector<Rigid3> poses;
+  for (int s = 0; s < num_strips; ++s) {
+    const double y = kMargin + kAcross * s, near = kMargin, far = kMargin + kAlong * (kPerStrip - 1);
+    const auto strip = s % 2 ? Strip({far, y}, {near, y}, 100, kPerStrip, 270, &random)
+                             : Strip({near, y}, {far, y}, 100, kPerStrip, 90, &random);
+    poses.insert(poses.end(), strip.begin(), strip.end());
+    if (s % 2 == 0) continue;
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(0.3 * s, Eigen::Vector3d(1, 2, -1).normalized()));
+    survey->flight->AddSubmap(poses, Similarity3(0.02 + 0.001 * s, turn, {3, -2, 7}));
+    poses.clear();
+  }
+  survey->flight->End();
+  survey->session = survey->flight->Model();
+  for (const auto& [id, submap] : survey->session.submaps) {
+    survey->views.push_back({&submap, survey->session.info.pinhole, survey->session.info.pyramid});
+  }
+  // Neighbouring submaps are connected along the strips that lie side by side, as the merger would find it.
+  survey->tree = {Similarity3()};
+  for (int s = 0; s + 1 < static_cast<int>(survey->views.size()); ++s) {
+    std::optional<Similarity3> b_from_a;
+    for (int i = 0; i < kPerStrip; i += 4) {
+      const int first = 2 * kPerStrip * s;
+      const KeyframeId a(first + 2 * kPerStrip - 1 - i), b(first + 2 * kPerStrip + i);
+      const ConnectedFrames c = VerifyConnectedFrames(survey->views[s], a, survey->views[s + 1], b, {});
+      if (!c.success) continue;
+      survey->links.push_back({s, s + 1, a, b, c.b_from_a});
+      if (!b_from_a) b_from_a = c.b_from_a;
+    }
+    survey->tree.push_back(survey->tree.back() * b_from_a.value_or(Similarity3()).Inverse());
+  }
+  return survey;
+}
+
+double CenterError(const MergedMap& map, const std::vector<Rigid3>& world_from_keyframe) {
+  std::vector<Eigen::Vector3d> estimated, truth;
+  for (const MergedKeyframe& k : map.keyframes) {
+    estimated.push_back(k.cam_from_root.Center());
+    truth.push_back(world_from_keyframe[k.keyframe->id.value].translation);
+  }
+  const auto fit = HornAlignment(estimated, truth);
+  if (!fit) return NAN;
+  double sum = 0;
+  for (size_t i = 0; i < truth.size(); ++i) sum += (*fit * estimated[i] - truth[i]).squaredNorm();
+  return std::sqrt(sum / static_cast<double>(truth.size()));
+}
+
+void BM_Refine(benchmark::State& state) {
+  const std::unique_ptr<Survey> survey = MakeSurvey(static_cast<int>(state.range(0)));
+  MergedRefinementResult result;
+  for (auto _ : state) result = RefineMergedMap(survey->views, survey->tree, survey->links, {});
+  int points = 0;
+  for (const MergedPoint& p : result.map.points) points += !p.track.empty();
+  state.counters["points"] = points;
+  state.counters["observations"] = result.summary.after.num_observations;
+  state.counters["submaps"] = static_cast<double>(survey->views.size());
+  state.counters["error_before_m"] =
+      CenterError(MakeMergedMap(survey->views, survey->tree), survey->flight->world_from_keyframe());
+  state.counters["error_after_m"] = CenterError(result.map, survey->flight->world_from_keyframe());
+  if (!result.summary.success) state.SkipWithError(result.summary.reason.c_str());
+}
+BENCHMARK(BM_Refine)->Arg(100)->Arg(300)->Arg(500)->Arg(1000)->Unit(benchmark::kSecond)->Iterations(1)->UseRealTime()->MeasureProcessCPUTime();
+
+}  // namespace
+}  // namespace mapmend
+
+BENCHMARK_MAIN();

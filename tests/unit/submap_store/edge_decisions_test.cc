@@ -1,0 +1,100 @@
+#include "procs/submap_store/edge_decisions.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <stdexcept>
+
+#include "procs/submap_store/db_commands.h"
+#include "procs/submap_store/submap_store.h"
+#include "tests/scratch_folder.h"
+#include "tests/synthetic_stream.h"
+
+namespace mapmend {
+namespace {
+
+edge_decision_t Decision(int a, int b, bool disabled, const std::string& session = "s") {
+  edge_decision_t d{};
+  d.session_a = d.session_b = session;
+  d.submap_a = a;
+  d.submap_b = b;
+  d.disabled = disabled ? 1 : 0;
+  return d;
+}
+
+edge_request_t Request(const std::vector<edge_decision_t>& decisions) {
+  edge_request_t request{};
+  request.id = 7;
+  request.requester = "test";
+  request.decisions = decisions;
+  request.num_decisions = static_cast<int32_t>(decisions.size());
+  return request;
+}
+
+class EdgeDecisionsTest : public ::testing::Test {
+ protected:
+  ScratchFolder folder_;
+  std::string db_ = folder_.File("map.db");
+};
+
+TEST_F(EdgeDecisionsTest, AreKeptInOrderAndSurviveARestart) {
+  {
+    Database database(db_, Database::Mode::kReadWrite);
+    EdgeDecisions decisions(&database);
+    EXPECT_EQ(decisions.Decide(Request({})).num_decisions, 0);
+    const edge_decisions_t reply = decisions.Decide(Request({Decision(0, 2, true), Decision(1, 2, true)}));
+    EXPECT_EQ(reply.id, 7);
+    EXPECT_EQ(reply.requester, "test");
+    EXPECT_EQ(reply.num_decisions, 2);
+    EXPECT_EQ(decisions.Decide(Request({Decision(2, 1, false)})).num_decisions, 3);
+  }
+  Database database(db_, Database::Mode::kReadWrite);
+  const std::vector<edge_decision_t> all = EdgeDecisions(&database).All();
+  ASSERT_EQ(all.size(), 3u);
+  EXPECT_EQ(all[0].submap_b, 2);
+  EXPECT_EQ(all[2].submap_a, 2);
+  EXPECT_EQ(all[2].disabled, 0);
+}
+
+TEST_F(EdgeDecisionsTest, WhatIsSoAlreadyIsNotAdded) {
+  Database database(db_, Database::Mode::kReadWrite);
+  EdgeDecisions decisions(&database);
+  EXPECT_EQ(decisions.Decide(Request({Decision(0, 1, false)})).num_decisions, 0);  // nothing was switched off
+  EXPECT_EQ(decisions.Decide(Request({Decision(0, 1, true), Decision(1, 0, true)})).num_decisions, 1);
+  EXPECT_EQ(decisions.Decide(Request({Decision(1, 0, false), Decision(0, 1, true)})).num_decisions, 3);
+}
+
+TEST_F(EdgeDecisionsTest, NonsenseIsRefusedAndNothingOfItKept) {
+  Database database(db_, Database::Mode::kReadWrite);
+  EdgeDecisions decisions(&database);
+  for (const edge_decision_t& bad : {Decision(1, 1, true), Decision(-1, 2, true), Decision(0, 1, true, "no/session")}) {
+    EXPECT_THROW(decisions.Decide(Request({Decision(0, 1, true), bad})), std::runtime_error);
+  }
+  EXPECT_TRUE(decisions.All().empty());
+}
+
+TEST_F(EdgeDecisionsTest, GoIntoAMergedDatabase) {
+  const std::string other = folder_.File("other.db"), merged = folder_.File("merged.db");
+  for (const auto& [path, session] : {std::pair(db_, "s"), std::pair(other, "longer")}) {
+    SubmapStoreOptions options;
+    options.path = path;
+    SubmapStore store(options);
+    SyntheticStreamOptions flight;
+    flight.session = session;
+    for (const Record& record : MakeSyntheticStream(flight)) {
+      const EncodedRecord encoded = EncodeRecord(record);
+      store.OnRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()), 0);
+    }
+    store.CommitReady(0);
+    store.edge_decisions()->Decide(Request({Decision(0, 1, true, session)}));
+  }
+  MergeDbs({db_, other}, merged);
+  Database database(merged, Database::Mode::kReadWrite);
+  const std::vector<edge_decision_t> all = EdgeDecisions(&database).All();
+  ASSERT_EQ(all.size(), 2u);
+  EXPECT_EQ(all[0].session_a, "s");
+  EXPECT_EQ(all[1].session_a, "longer");
+}
+
+}  // namespace
+}  // namespace mapmend
