@@ -1,6 +1,7 @@
 #include "libs/features/orb_extractor.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <mutex>
@@ -41,9 +42,18 @@ struct Level {
 
 // Memory of one extraction, kept for the next.
 struct Workspace {
-  std::vector<uint8_t> pixels, scores;
+  std::vector<uint8_t> pixels;
   std::vector<Level> levels;
 };
+
+// Of the bytes of a word in the order of memory, the first that is not 0; word is not 0.
+int FirstByte(uint64_t word) {
+  return (std::endian::native == std::endian::little ? std::countr_zero(word) : std::countl_zero(word)) / 8;
+}
+
+uint64_t ByteMask(int byte) {
+  return uint64_t{255} << 8 * (std::endian::native == std::endian::little ? byte : 7 - byte);
+}
 
 void Pad(const Level& level) {
   for (int y = 0; y < level.height; ++y) {
@@ -91,40 +101,79 @@ void BuildPyramid(const cv::Mat& image, const OrbOptions& options, Workspace* wo
   }
 }
 
-// Corners of the level: local maxima of the FAST score above the threshold of their cell.
-std::vector<Corner> DetectCorners(const Level& level, const OrbOptions& options, const PatchKernels& kernels,
-                                  std::vector<uint8_t>* buffer) {
-  const int begin = kBorder, end_x = level.width - kBorder, end_y = level.height - kBorder;
-  const size_t row_bytes = static_cast<size_t>(level.width + 2 * PatchKernels::kReadAhead);
-  buffer->assign(4 * row_bytes, 0);
-  uint8_t *above = buffer->data(), *row = above + row_bytes, *below = row + row_bytes, *mask = below + row_bytes;
-  bool any_row = false;  // in row
-  std::vector<Corner> corners;
-  // Rows beyond the area count too when maxima are sought, so that they do not depend on where the area ends.
-  for (int y = begin - 1; y <= end_y; ++y) {
-    const bool any_below = kernels.fast_row(level.data + (y + 1) * level.stride, level.stride, begin - 1, end_x + 1,
-                                            static_cast<uint8_t>(options.min_fast_threshold), below);
-    if (y >= begin && y < end_y && any_row) {
-      kernels.maxima_row(above, row, below, begin, end_x, mask);
-      for (int x = begin; x < end_x; x += 8) {
+// Scores of three rows at a time, in which maxima are sought.
+struct ScoreRows {
+  explicit ScoreRows(int width)
+      : row_bytes(static_cast<size_t>(width + 2 * PatchKernels::kReadAhead)), bytes(4 * row_bytes, 0) {}
+  size_t row_bytes;
+  std::vector<uint8_t> bytes;
+};
+
+// Calls found(x, y, score) for the local maxima of the FAST scores above threshold with begin_x <= x < end_x and
+// begin_y <= y < end_y, and row_done(y) after each row. Pixels around the area count too when maxima are sought, so that
+// these do not depend on where the area ends.
+template <typename Found, typename RowDone>
+void FindMaxima(const Level& level, const PatchKernels& kernels, int threshold, int begin_x, int end_x, int begin_y,
+                int end_y, ScoreRows* rows, const Found& found, const RowDone& row_done) {
+  uint8_t *above = rows->bytes.data(), *row = above + rows->row_bytes, *below = row + rows->row_bytes,
+          *mask = below + rows->row_bytes;
+  const auto score = [&](int y, uint8_t* scores) {
+    return kernels.fast_row(level.data + y * level.stride, level.stride, begin_x - 1, end_x + 1,
+                            static_cast<uint8_t>(threshold), scores);
+  };
+  score(begin_y - 1, above);
+  bool any_row = score(begin_y, row);
+  for (int y = begin_y; y < end_y; ++y) {
+    const bool any_below = score(y + 1, below);
+    if (any_row) {
+      kernels.maxima_row(above, row, below, begin_x, end_x, mask);
+      for (int x = begin_x; x < end_x; x += 8) {
         uint64_t eight;
         std::memcpy(&eight, mask + x, sizeof(eight));
-        if (eight == 0) continue;
-        for (int i = x; i < std::min(x + 8, end_x); ++i) {
-          if (mask[i]) corners.push_back({static_cast<int16_t>(i), static_cast<int16_t>(y), row[i]});
+        while (eight != 0) {
+          const int byte = FirstByte(eight);
+          eight &= ~ByteMask(byte);
+          if (x + byte < end_x) found(x + byte, y, row[x + byte]);
         }
       }
     }
-    std::swap(above, row);
-    std::swap(row, below);
+    row_done(y);
+    uint8_t* free = above;
+    above = row;
+    row = below;
+    below = free;
     any_row = any_below;
   }
+}
 
-  const int cell = options.cell_size, columns = level.width / cell + 1, rows = level.height / cell + 1;
-  std::vector<uint8_t> is_strong(static_cast<size_t>(columns) * rows, 0);
-  const auto cell_of = [&](const Corner& c) { return (c.y - kBorder) / cell * columns + (c.x - kBorder) / cell; };
-  for (const Corner& c : corners) is_strong[cell_of(c)] |= c.score > options.fast_threshold;
-  std::erase_if(corners, [&](const Corner& c) { return c.score <= options.fast_threshold && is_strong[cell_of(c)]; });
+// Corners of the level: local maxima of the FAST score above the threshold of their cell. That is the higher one where
+// the cell has a corner above it: only other cells are searched again.
+std::vector<Corner> DetectCorners(const Level& level, const OrbOptions& options, const PatchKernels& kernels) {
+  const int begin = kBorder, end_x = level.width - kBorder, end_y = level.height - kBorder, cell = options.cell_size;
+  std::vector<Corner> corners;
+  const auto add = [&](int x, int y, uint8_t score) {
+    corners.push_back({static_cast<int16_t>(x), static_cast<int16_t>(y), score});
+  };
+  const int num_cells = (end_x - begin + cell - 1) / cell;
+  std::vector<uint8_t> is_strong(static_cast<size_t>(num_cells), 0);  // cells of the present row of cells
+  size_t first_in_row_of_cells = 0;
+  ScoreRows strong_rows(level.width), weak_rows(level.width);
+  const auto search_weak_cells = [&](int begin_y, int last_y) {
+    for (size_t i = first_in_row_of_cells; i < corners.size(); ++i) is_strong[(corners[i].x - begin) / cell] = 1;
+    for (int i = 0; i < num_cells; ++i) {
+      if (is_strong[i]) continue;
+      const int first = i;
+      while (i + 1 < num_cells && !is_strong[i + 1]) ++i;
+      FindMaxima(level, kernels, options.min_fast_threshold, begin + first * cell,
+                 std::min(begin + (i + 1) * cell, end_x), begin_y, last_y + 1, &weak_rows, add, [](int) {});
+    }
+    std::fill(is_strong.begin(), is_strong.end(), uint8_t{0});
+    first_in_row_of_cells = corners.size();
+  };
+  FindMaxima(level, kernels, options.fast_threshold, begin, end_x, begin, end_y, &strong_rows, add, [&](int y) {
+    const int row_in_cell = (y - begin) % cell;
+    if (row_in_cell == cell - 1 || y == end_y - 1) search_weak_cells(y - row_in_cell, y);
+  });
   return corners;
 }
 
@@ -186,7 +235,7 @@ RawFeatures OrbExtractor::Extract(const cv::Mat& grey8) const {
   std::vector<double> weights(num_levels);
   std::vector<int> available(num_levels);
   for (size_t i = 0; i < num_levels; ++i) {
-    corners[i] = DetectCorners(levels[i], options_, kernels, &workspace->scores);
+    corners[i] = DetectCorners(levels[i], options_, kernels);
     available[i] = static_cast<int>(corners[i].size());
     weights[i] = i == 0 ? 1.0 : weights[i - 1] / options_.scale_factor;
   }
