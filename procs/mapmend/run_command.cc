@@ -28,6 +28,8 @@ void AddRunCommand(CLI::App* app) {
                   "larger images are scaled down to this width or height, pixels; 0: never");
   sub->add_option("--seed", options->seed, "of everything random; the same seed gives the same map");
   sub->add_option("--record", options->record, "folder: lcm-logger writes mapmend.lcmlog there, for `mapmend replay`");
+  sub->add_flag("--profile", options->profile,
+                "print the frontend's time per frame for each stage; also in summary.json and the report");
   sub->add_option("--port", options->port, "of the live page, 0: none (default: a free one from 8080 on)");
   sub->add_option("--vehicle", options->vehicle, "name of the camera's carrier, for the report");
   sub->add_option("--session", options->session, "id of this flight in the map, a UUID (default: made from input and options; new with --append)");

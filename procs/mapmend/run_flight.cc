@@ -44,6 +44,8 @@ std::string SessionOf(const RunOptions& options) {
   return SessionIdFromText(text);
 }
 
+std::string ProfilePath(const RunOptions& options) { return options.out + "/logs/profile.json"; }
+
 std::vector<std::string> FrontendArguments(const RunOptions& options, const std::string& session) {
   std::vector<std::string> argv = {
       FindProgram("frontend"), options.input, "--camera", options.camera, "--vocabulary",
@@ -57,6 +59,7 @@ std::vector<std::string> FrontendArguments(const RunOptions& options, const std:
   add("--times", options.times);
   add("--skip-frames", options.skip_frames);
   add("--vehicle", options.vehicle);
+  if (options.profile) add("--profile", ProfilePath(options));
   add_number("--seed", options.seed);
   add_number("--features", options.features);
   add_number("--max-dimension", options.max_dimension);
@@ -105,6 +108,7 @@ int RunFlight(const RunInputs& inputs) {
     backend_options.log_level = options.log_level;
     backend_options.seed = options.seed;
     backend_options.port = port;
+    std::filesystem::remove(ProfilePath(options));  // of an earlier flight into the same map
     Backend backend(backend_options);
     const std::string session = SessionOf(options);
     progress.Say("mapping " + options.input + " into " + options.out + "; bus " + backend.Url() +
@@ -151,6 +155,8 @@ int RunFlight(const RunInputs& inputs) {
     if (frontend.counters.contains("track_ms_median"))
       figures.track_ms_median = frontend.counters.at("track_ms_median");
     if (frontend.counters.contains("track_ms_p95")) figures.track_ms_p95 = frontend.counters.at("track_ms_p95");
+    // A frontend that was killed has not written it.
+    if (options.profile && std::filesystem::exists(ProfilePath(options))) figures.profile_json = ReadFile(ProfilePath(options));
     figures.processes = backend.StopAll();
     figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
     progress.Say(FinishRun(options.out, figures));

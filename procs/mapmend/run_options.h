@@ -24,6 +24,7 @@ struct RunOptions {
   std::optional<int> seed, features, max_dimension;  // unset: the processes' own defaults
   std::optional<int> port;                           // of the live page; unset: a free one from 8080 on; 0: no page
   bool overwrite = false;                            // replace the results of an earlier run in out
+  bool profile = false;                              // time of each stage of the frontend, in the summary
   bool append = false;                               // map this flight into the map that is already in out
 };
 

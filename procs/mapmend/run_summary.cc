@@ -52,6 +52,11 @@ void CompleteSummary(const std::string& out, const LauncherFigures& figures) {
   Json frontend = Json::object();
   if (figures.track_ms_median) frontend["track_ms_median"] = *figures.track_ms_median;
   if (figures.track_ms_p95) frontend["track_ms_p95"] = *figures.track_ms_p95;
+  if (!figures.profile_json.empty()) {
+    const Json profile = Json::parse(figures.profile_json, nullptr, false);
+    if (!profile.is_array()) throw std::runtime_error("the frontend's profile is not a JSON array");
+    frontend["profile"] = profile;
+  }
   summary["frontend"] = frontend;
   Json processes = Json::array();
   for (const auto& [name, usage] : figures.processes) {
@@ -95,6 +100,13 @@ std::string FormatSummaryTable(const std::string& out) {
   for (const Json& process : summary.value("processes", Json::array())) {
     row(process.value("name", "").c_str(),
         Format("%7.1f CPU s %7.0f MB", Number(process, "cpu_s"), Number(process, "peak_rss_mb")));
+  }
+  if (frontend.contains("profile")) {
+    table += Format("  %-20s %8s %11s %9s %9s\n", "stage", "frames", "median ms", "p95 ms", "total s");
+    for (const Json& stage : frontend["profile"]) {
+      table += Format("  %-20s %8d %11.2f %9.2f %9.2f\n", stage.value("stage", "").c_str(), Count(stage, "frames"),
+                      Number(stage, "median_ms"), Number(stage, "p95_ms"), Number(stage, "total_s"));
+    }
   }
   return table;
 }

@@ -238,6 +238,21 @@ std::string ProcessTable(const Json& s) {
   return html + "</table></div>\n";
 }
 
+std::string ProfileTable(const Json& s) {
+  if (!s.contains("frontend") || !s["frontend"].contains("profile")) return "";
+  std::string html =
+      "<h2>Time per frame</h2>\n<div class=\"scroll\"><table>\n<tr><th class=\"text\">Stage of the frontend</th>"
+      "<th>Frames</th><th>Median</th><th>95 % below</th><th>Total</th></tr>\n";
+  for (const Json& p : s["frontend"]["profile"]) {
+    html += "<tr><td class=\"text\">" + Escaped(p.at("stage")) + "</td><td>" + Int(p.at("frames")) + "</td><td>" +
+            Fixed(p.at("median_ms"), 2) + " ms</td><td>" + Fixed(p.at("p95_ms"), 2) + " ms</td><td>" + Fixed(p.at("total_s"), 2) +
+            " s</td></tr>\n";
+  }
+  return html +
+         "</table></div>\n<p class=\"note\">Of the frames in which a stage ran. Stages named capture/ run ahead in a thread of "
+         "their own; track+map/frame holds all stages of tracking and mapping.</p>\n";
+}
+
 std::string Head(const Json& s) {
   std::string lines;
   for (const Json& session : s["sessions"]) {
@@ -266,7 +281,7 @@ std::string MakeReport(const std::string& summary_json, const std::string& graph
     for (const std::string& svg : trajectory_svgs) html += "<div class=\"picture\">" + svg + "</div>\n";
     html += WhyApart(s);
     html += "<div class=\"picture\">" + graph_svg + "</div>\n";
-    html += ConnectionTable(s) + SubmapTable(s) + ProcessTable(s);
+    html += ConnectionTable(s) + SubmapTable(s) + ProcessTable(s) + ProfileTable(s);
     html += "<footer>Written by mapmend " + Escaped(s["version"]) +
             ". The figures are in summary.json beside this page.</footer>\n";
     return html + "</main></body></html>\n";
