@@ -4,7 +4,6 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
-#include <unordered_map>
 
 namespace mapmend {
 namespace {
@@ -59,11 +58,6 @@ AdaptiveThresholds ComputeThresholds(const BowVector& query, const BowVector* ad
   return t;
 }
 
-double NormalizedCommonWords(const IndexHit& hit, int num_query_words) {
-  if (hit.num_words <= num_query_words) return hit.common_words;
-  return static_cast<double>(hit.common_words) * num_query_words / hit.num_words;
-}
-
 Selection SelectCandidates(const std::vector<IndexHit>& hits, int num_query_words, const AdaptiveThresholds& thresholds,
                            const std::function<std::vector<int32_t>(int32_t handle)>& covisible,
                            const SelectionOptions& options) {
@@ -71,17 +65,18 @@ Selection SelectCandidates(const std::vector<IndexHit>& hits, int num_query_word
   std::vector<double> normalized;
   normalized.reserve(hits.size());
   for (const IndexHit& hit : hits) {
-    normalized.push_back(NormalizedCommonWords(hit, num_query_words));
+    normalized.push_back(NormalizedCommonWords(hit.common_words, hit.num_words, num_query_words));
     selection.max_common_words = std::max(selection.max_common_words, normalized.back());
   }
   const double min_common_words = std::max<double>(options.min_common_words, thresholds.k * selection.max_common_words);
   std::vector<IndexHit> kept;
-  std::unordered_map<int32_t, int> position;  // of a handle in kept
+  std::vector<std::pair<int32_t, size_t>> positions;  // handle, position in kept
   for (size_t i = 0; i < hits.size(); ++i) {
     if (normalized[i] < min_common_words) continue;
-    position[hits[i].handle] = static_cast<int>(kept.size());
+    positions.emplace_back(hits[i].handle, kept.size());
     kept.push_back(hits[i]);
   }
+  std::sort(positions.begin(), positions.end());
 
   // Per kept hit, the best sum of any group it is the best keyframe of.
   std::vector<double> group_score(kept.size(), 0);
@@ -91,8 +86,8 @@ Selection SelectCandidates(const std::vector<IndexHit>& hits, int num_query_word
     int num_neighbors = 0;
     for (const int32_t neighbor : covisible(kept[i].handle)) {
       if (num_neighbors++ == options.max_group_neighbors) break;
-      const auto it = position.find(neighbor);
-      if (it == position.end() || it->second == static_cast<int>(i)) continue;
+      const auto it = std::lower_bound(positions.begin(), positions.end(), std::pair<int32_t, size_t>(neighbor, 0));
+      if (it == positions.end() || it->first != neighbor || it->second == i) continue;
       const size_t j = it->second;
       sum += kept[j].score;
       if (kept[j].score > kept[best].score || (kept[j].score == kept[best].score && j < best)) best = j;

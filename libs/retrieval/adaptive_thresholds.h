@@ -11,7 +11,7 @@
 // serve. How a store answers a query, all of it as of the query's cursors:
 //   1. overlaps of the query keyframe q with the other keyframes of its submap -> ChooseNearby
 //   2. BoW vectors of q, adjacent and nearby -> ComputeThresholds
-//   3. InvertedIndex::Query(bow of q, scope) -> hits
+//   3. InvertedIndex::Query(bow of q, scope, k) -> hits; without k as well, but slower
 //   4. SelectCandidates(...) -> connected-frame candidates, best first
 namespace mapmend {
 
@@ -66,11 +66,6 @@ struct Selection {
   double max_common_words = 0;        // normalised, over all hits
   double best_group_score = 0;
 };
-
-// Common words of a hit as they are compared: a keyframe with more words than the query shares more by mere size, so
-// its count is scaled down to the query's size. (ORB-SLAM3's candidates are all keyframes of initialisation, which have
-// five times the features, because it compares plain counts.)
-double NormalizedCommonWords(const IndexHit& hit, int num_query_words);
 
 // Keeps hits with normalised common words >= k * maximum; sums scores over each hit and those of its covisible
 // neighbours that were kept too; keeps groups with a sum >= l * best, and of each its best keyframe (once).

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "libs/retrieval/bow_vector.h"
@@ -40,9 +41,18 @@ struct IndexHit {
   float score = 0;        // L1, as BowScore, summed in fixed point
 };
 
-// Inverted index over the BoW vectors of keyframes, in memory: per word the keyframes that hold it. A handle is the
-// position at which the keyframe was added: 0, 1, 2, ... Removal only marks, so that older states can still be asked
-// for. One writer or many readers at a time.
+// Common words of a hit as they are compared: a keyframe with more words than the query shares more by mere size, so
+// its count is scaled down to the query's size. (ORB-SLAM3's candidates are all keyframes of initialisation, which have
+// five times the features, because it compares plain counts.)
+double NormalizedCommonWords(int common_words, int num_words, int num_query_words);
+
+// BoW vectors of keyframes in memory, and per word the keyframes that hold it. A handle is the position at which the
+// keyframe was added: 0, 1, 2, ... Removal only marks, so that older states can still be asked for. One writer or many
+// readers at a time.
+//
+// A query counts common words over the lists, and computes scores only of those keyframes whose counts suffice, from
+// their own vectors. So the lists hold two bytes per entry: keyframes come in segments, whose counters stay in the
+// processor's nearest cache.
 class InvertedIndex {
  public:
   static constexpr int32_t kMaxWords = 1 << 24;  // of a vocabulary
@@ -53,33 +63,50 @@ class InvertedIndex {
   int32_t Add(const BowVector& bow, const IndexEntry& entry);
   void Remove(int32_t handle, int64_t removed_seq);
 
-  // Throws as Add does. Every entry in scope with at least one common word, ordered by (session_rank, keyframe). Sums
-  // are made in a fixed order: equal contents give equal bits, whatever the order in which keyframes were added.
-  std::vector<IndexHit> Query(const BowVector& query, const IndexScope& scope) const;
+  // Throws as Add does. Every entry in scope with at least one common word, and normalised common words of at least
+  // min_ratio (0 to 1) of the most that any in scope has; ordered by (session_rank, keyframe). Sums are made in a fixed
+  // order: equal contents give equal bits, whatever the order in which keyframes were added.
+  std::vector<IndexHit> Query(const BowVector& query, const IndexScope& scope, double min_ratio = 0) const;
 
   int Size() const { return static_cast<int>(entries_.size()); }
   const IndexEntry& Entry(int32_t handle) const { return entries_[handle]; }
-  int32_t NumWords(int32_t handle) const { return num_words_[handle]; }
+  // As it was added.
+  const BowVector& Bow(int32_t handle) const { return vectors_[handle]; }
   // Heap memory held.
   int64_t Bytes() const;
 
  private:
-  struct Posting {
-    int32_t handle;
-    uint32_t weight;  // in units of 1 / kWeightOne
-  };
-  static constexpr uint32_t kWeightOne = 1u << 28;
+  static constexpr int32_t kSegmentSize = 1 << 13;  // keyframes
   // Lists of words come in pages, so that a small index of a large vocabulary (or a forged word id) costs little.
-  static constexpr int kPageWords = 1024;
-  using Page = std::vector<std::vector<Posting>>;
+  static constexpr int32_t kPageWords = 1024;
 
-  const std::vector<Posting>* Find(int32_t word) const;
+  // Numbers of keyframes within their segment, ascending. One pointer, since most of a hundred thousand lists are short.
+  class PostingList {
+   public:
+    void Append(uint16_t value);
+    int Size() const { return block_ ? block_[0] : 0; }
+    const uint16_t* begin() const { return block_.get() + kHeader; }
+    const uint16_t* end() const { return begin() + Size(); }
+    const void* Address() const { return block_.get(); }
+    int64_t Bytes() const;
+
+   private:
+    static constexpr int kHeader = 2;   // size, capacity
+    std::unique_ptr<uint16_t[]> block_;  // never null when read: begin() needs Size() > 0
+  };
+  using Page = std::vector<PostingList>;
+  using Segment = std::vector<Page>;  // pages never used are empty
+
   bool IsInScope(const IndexEntry& entry, const IndexScope& scope) const;
+  // Adds to counters[0 .. kSegmentSize) the words that each keyframe of the segment shares with the query.
+  template <typename Counter>
+  void Count(const Segment& segment, const BowVector& query, Counter* counters) const;
+  template <typename Counter>
+  std::vector<IndexHit> CollectHits(const BowVector& query, const IndexScope& scope, double min_ratio) const;
 
-  std::vector<IndexEntry> entries_;             // per handle
-  std::vector<int32_t> num_words_;              // per handle
-  std::vector<std::vector<int32_t>> sessions_;  // per session number its handles, ascending by keyframe
-  std::vector<Page> pages_;  // per word its keyframes, ascending by handle; pages never used are empty
+  std::vector<IndexEntry> entries_;  // per handle
+  std::vector<BowVector> vectors_;   // per handle
+  std::vector<Segment> segments_;
 };
 
 }  // namespace mapmend

@@ -42,7 +42,14 @@ void BowSearch::EndSubmap(int64_t session, SubmapId submap, int64_t seq) { subma
 void BowSearch::SetCovisible(int64_t session, KeyframeId keyframe, const std::vector<int32_t>& covisible) {
   const auto& handles = sessions_.at(session).handles;
   const auto it = handles.find(keyframe.value);
-  if (it != handles.end()) covisible_[static_cast<size_t>(it->second)] = covisible;
+  if (it == handles.end()) return;
+  std::vector<int32_t>& found = covisible_[static_cast<size_t>(it->second)];
+  found.clear();
+  found.reserve(covisible.size());
+  for (const int32_t id : covisible) {
+    const auto other = handles.find(id);
+    if (other != handles.end()) found.push_back(other->second);
+  }
 }
 
 void BowSearch::FinishSubmap(int64_t session, SubmapId submap) { submaps_[{session, submap}].is_final = true; }
@@ -83,14 +90,6 @@ const BowSearch::SessionInfo* BowSearch::FindSession(const std::string& uuid) co
   return nullptr;
 }
 
-std::optional<BowVector> BowSearch::ReadBow(int64_t session, int32_t keyframe) {
-  auto query = database_->Prepare("SELECT words, weights FROM keyframe_bow WHERE session = ? AND keyframe = ?");
-  query->bind(1, session);
-  query->bind(2, keyframe);
-  if (!query->executeStep()) return std::nullopt;
-  return BowVector{UnpackAscending(query->getColumn(0)), ReadBlob<float>(query->getColumn(1))};
-}
-
 // The submap as it was, for this requester: each asks for later and later states, but not all at the same pace.
 const Submap& BowSearch::AsOf(const std::string& requester, const SubmapIndex& submap, int64_t seq) {
   const SubmapInfo& info = submaps_.at(submap);
@@ -122,13 +121,8 @@ std::vector<int32_t> BowSearch::Covisible(const std::string& requester, int32_t 
   const IndexEntry& entry = index_.Entry(handle);
   const SubmapIndex submap{entry.session + 1, SubmapId(entry.submap)};
   const SubmapInfo& info = submaps_.at(submap);
-  std::vector<KeyframeId> keyframes;
-  if (info.is_final && seq >= info.end_seq) {
-    for (const int32_t id : covisible_[static_cast<size_t>(handle)]) keyframes.emplace_back(id);
-  } else {
-    keyframes = CovisibleKeyframes(AsOf(requester, submap, seq), KeyframeId(entry.keyframe));
-  }
-  return ToHandles(submap.first, keyframes);
+  if (info.is_final && seq >= info.end_seq) return covisible_[static_cast<size_t>(handle)];
+  return ToHandles(submap.first, CovisibleKeyframes(AsOf(requester, submap, seq), KeyframeId(entry.keyframe)));
 }
 
 bow_result_t BowSearch::Query(const bow_query_t& query) {
@@ -179,13 +173,13 @@ bow_result_t BowSearch::Query(const bow_query_t& query) {
   }
   result.nearby = ChooseNearby(overlaps, result.adjacent, threshold_options_);
 
-  const std::optional<BowVector> bow = ReadBow(own->row.id, query.keyframe);
-  std::optional<BowVector> adjacent_bow, nearby_bow;
-  if (result.adjacent >= 0) adjacent_bow = ReadBow(own->row.id, result.adjacent);
-  if (result.nearby >= 0) nearby_bow = ReadBow(own->row.id, result.nearby);
-  if (!bow) return fail(bow_result_t::UNKNOWN_KEYFRAME);
+  const BowVector& bow = index_.Bow(handle->second);
+  const auto find_bow = [&](int32_t id) {
+    const auto found = own->handles.find(id);
+    return found == own->handles.end() ? nullptr : &index_.Bow(found->second);
+  };
   const AdaptiveThresholds thresholds =
-      ComputeThresholds(*bow, adjacent_bow ? &*adjacent_bow : nullptr, nearby_bow ? &*nearby_bow : nullptr, threshold_options_);
+      ComputeThresholds(bow, find_bow(result.adjacent), find_bow(result.nearby), threshold_options_);
   result.n0 = thresholds.n0;
   result.n1 = thresholds.n1;
   result.s0 = static_cast<float>(thresholds.s0);
@@ -204,7 +198,7 @@ bow_result_t BowSearch::Query(const bow_query_t& query) {
   SelectionOptions options;
   options.max_results = query.max_results <= 0 ? kDefaultResults : std::min(query.max_results, kMaxResults);
   const Selection selection = SelectCandidates(
-      index_.Query(*bow, scope), bow->Size(), thresholds,
+      index_.Query(bow, scope, thresholds.k), bow.Size(), thresholds,
       [&](int32_t other) {
         return Covisible(query.requester, other, scope.last_seq[static_cast<size_t>(index_.Entry(other).session)]);
       },

@@ -4,7 +4,6 @@
 #include <map>
 #include <mapmend/bow_query_t.hpp>
 #include <mapmend/bow_result_t.hpp>
-#include <optional>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -18,8 +17,8 @@
 namespace mapmend {
 
 // Retrieval of connected-frame candidates (paper section 3.3) over everything that is committed, as of the records that a
-// query names. The inverted index is in memory and made from the file on opening; words of single keyframes, and the
-// covisibility of submaps that were still growing, are read from the file when needed.
+// query names. The index is in memory and made from the file on opening; the covisibility of submaps that
+// were still growing is read from the file when needed.
 class BowSearch {
  public:
   explicit BowSearch(Database* database) : database_(database) {}
@@ -61,7 +60,6 @@ class BowSearch {
   };
 
   const SessionInfo* FindSession(const std::string& uuid) const;
-  std::optional<BowVector> ReadBow(int64_t session, int32_t keyframe);
   const Submap& AsOf(const std::string& requester, const SubmapIndex& submap, int64_t seq);
   std::vector<int32_t> Covisible(const std::string& requester, int32_t handle, int64_t seq);
   std::vector<int32_t> ToHandles(int64_t session, const std::vector<KeyframeId>& keyframes) const;
@@ -70,7 +68,7 @@ class BowSearch {
   std::map<int64_t, SessionInfo> sessions_;  // by row number
   std::map<SubmapIndex, SubmapInfo> submaps_;
   InvertedIndex index_;
-  std::vector<std::vector<int32_t>> covisible_;  // per handle, keyframe ids
+  std::vector<std::vector<int32_t>> covisible_;  // per handle, handles
   std::list<CachedTracker> trackers_;            // most recently used first
   ThresholdOptions threshold_options_;
 };

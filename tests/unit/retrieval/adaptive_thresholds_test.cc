@@ -71,9 +71,9 @@ TEST(SelectCandidates, DropsHitsBelowKTimesTheMaximum) {
 TEST(SelectCandidates, LargeKeyframesDoNotSwampOthers) {
   // Handle 0 has five times the words and by that alone shares most.
   const std::vector<IndexHit> hits = {{0, 150, 2500, 0.05f}, {1, 100, 500, 0.2f}};
-  EXPECT_DOUBLE_EQ(NormalizedCommonWords(hits[0], 500), 30);
-  EXPECT_DOUBLE_EQ(NormalizedCommonWords(hits[1], 500), 100);
-  EXPECT_DOUBLE_EQ(NormalizedCommonWords({2, 40, 50, 0.1f}, 500), 40);  // small ones gain nothing
+  EXPECT_DOUBLE_EQ(NormalizedCommonWords(150, 2500, 500), 30);
+  EXPECT_DOUBLE_EQ(NormalizedCommonWords(100, 500, 500), 100);
+  EXPECT_DOUBLE_EQ(NormalizedCommonWords(40, 50, 500), 40);  // small ones gain nothing
   const Selection s = SelectCandidates(hits, 500, {}, kNoNeighbors, {});
   ASSERT_EQ(s.candidates.size(), 1u);
   EXPECT_EQ(s.candidates[0].handle, 1);
