@@ -180,8 +180,9 @@ std::vector<IndexHit> InvertedIndex::Query(const BowVector& query, const IndexSc
 
 int64_t InvertedIndex::Bytes() const {
   const auto block = [](size_t bytes) { return bytes == 0 ? 0 : static_cast<int64_t>((bytes + 8 + 15) / 16 * 16); };
-  int64_t bytes = static_cast<int64_t>(entries_.capacity() * sizeof(IndexEntry) +
-                                       vectors_.capacity() * sizeof(BowVector) + segments_.capacity() * sizeof(Segment));
+  int64_t bytes =
+      static_cast<int64_t>(entries_.capacity() * sizeof(IndexEntry) + vectors_.capacity() * sizeof(BowVector) +
+                           segments_.capacity() * sizeof(Segment));
   for (const BowVector& vector : vectors_) {
     bytes += block(vector.words.capacity() * sizeof(int32_t)) + block(vector.weights.capacity() * sizeof(float));
   }

@@ -80,7 +80,8 @@ class InvertedIndex {
   // Lists of words come in pages, so that a small index of a large vocabulary (or a forged word id) costs little.
   static constexpr int32_t kPageWords = 1024;
 
-  // Numbers of keyframes within their segment, ascending. One pointer, since most of a hundred thousand lists are short.
+  // Numbers of keyframes within their segment, ascending. One pointer, since most of a hundred thousand lists are
+  // short.
   class PostingList {
    public:
     void Append(uint16_t value);
@@ -91,7 +92,7 @@ class InvertedIndex {
     int64_t Bytes() const;
 
    private:
-    static constexpr int kHeader = 2;   // size, capacity
+    static constexpr int kHeader = 2;    // size, capacity
     std::unique_ptr<uint16_t[]> block_;  // never null when read: begin() needs Size() > 0
   };
   using Page = std::vector<PostingList>;

@@ -88,8 +88,9 @@ void Query(benchmark::State& state) {
   size_t i = 0;
   for (auto _ : state) {
     const BowVector& query = queries[i++ % queries.size()];
-    const std::vector<IndexHit> hits = index.Query(query, scope);
-    benchmark::DoNotOptimize(SelectCandidates(hits, query.Size(), {}, covisible, {}));
+    const AdaptiveThresholds thresholds;
+    const std::vector<IndexHit> hits = index.Query(query, scope, thresholds.k);
+    benchmark::DoNotOptimize(SelectCandidates(hits, query.Size(), thresholds, covisible, {}));
   }
   state.counters["bytes_per_keyframe"] = static_cast<double>(index.Bytes()) / num_keyframes;
 }

@@ -7,8 +7,8 @@
 #include <cstring>
 #include <vector>
 
-// Arrays in the database are blobs of little-endian numbers without a header (words: see PackAscending); what they hold is fixed
-// by their column.
+// Arrays in the database are blobs of little-endian numbers without a header (words: see PackAscending); what they hold
+// is fixed by their column.
 namespace mapmend {
 
 template <typename T>
@@ -26,7 +26,8 @@ std::vector<T> ReadBlob(const SQLite::Column& column) {
   return values;
 }
 
-// Ascending numbers as differences, each in LEB128 (7 bits a byte, low bits first): word ids take 1 to 2 bytes instead of 4.
+// Ascending numbers as differences, each in LEB128 (7 bits a byte, low bits first): word ids take 1 to 2 bytes instead
+// of 4.
 inline std::vector<uint8_t> PackAscending(const std::vector<int32_t>& values) {
   std::vector<uint8_t> packed;
   int32_t previous = 0;

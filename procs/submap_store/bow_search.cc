@@ -19,7 +19,9 @@ int32_t IndexNumber(int64_t session) { return static_cast<int32_t>(session - 1);
 
 void BowSearch::AddSession(const SessionRow& session) { sessions_[session.id].row = session; }
 
-void BowSearch::StartSubmap(int64_t session, SubmapId submap, int64_t seq) { submaps_[{session, submap}].start_seq = seq; }
+void BowSearch::StartSubmap(int64_t session, SubmapId submap, int64_t seq) {
+  submaps_[{session, submap}].start_seq = seq;
+}
 
 void BowSearch::AddKeyframe(int64_t session, SubmapId submap, KeyframeId keyframe, int64_t seq, const BowVector& bow) {
   IndexEntry entry;
@@ -99,8 +101,8 @@ const Submap& BowSearch::AsOf(const std::string& requester, const SubmapIndex& s
   });
   if (it == trackers_.end()) {
     if (trackers_.size() >= kMaxTrackers) trackers_.pop_back();
-    trackers_.push_front({requester, submap,
-                          SubmapTracker(database_, sessions_.at(submap.first).row, submap.second, info.start_seq)});
+    trackers_.push_front(
+        {requester, submap, SubmapTracker(database_, sessions_.at(submap.first).row, submap.second, info.start_seq)});
   } else {
     trackers_.splice(trackers_.begin(), trackers_, it);
   }
@@ -149,7 +151,8 @@ bow_result_t BowSearch::Query(const bow_query_t& query) {
   for (const auto& [id, session] : sessions_) by_uuid.emplace_back(session.row.uuid, IndexNumber(id));
   std::sort(by_uuid.begin(), by_uuid.end());
   scope.session_rank.resize(scope.last_seq.size());
-  for (size_t i = 0; i < by_uuid.size(); ++i) scope.session_rank[static_cast<size_t>(by_uuid[i].second)] = static_cast<int32_t>(i);
+  for (size_t i = 0; i < by_uuid.size(); ++i)
+    scope.session_rank[static_cast<size_t>(by_uuid[i].second)] = static_cast<int32_t>(i);
 
   const SessionInfo* own = FindSession(query.session);
   if (own == nullptr) return fail(bow_result_t::UNKNOWN_KEYFRAME);

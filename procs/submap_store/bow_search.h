@@ -16,9 +16,9 @@
 
 namespace mapmend {
 
-// Retrieval of connected-frame candidates (paper section 3.3) over everything that is committed, as of the records that a
-// query names. The index is in memory and made from the file on opening; the covisibility of submaps that
-// were still growing is read from the file when needed.
+// Retrieval of connected-frame candidates (paper section 3.3) over everything that is committed, as of the records that
+// a query names. The index is in memory and made from the file on opening; the covisibility of submaps that were still
+// growing is read from the file when needed.
 class BowSearch {
  public:
   explicit BowSearch(Database* database) : database_(database) {}

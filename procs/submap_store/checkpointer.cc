@@ -9,8 +9,8 @@
 namespace mapmend {
 namespace {
 
-// The log can begin anew only when all of it is in the file. Under steady writing a passive checkpoint may never be that far: beyond
-// this size one commit has to wait for it.
+// The log can begin anew only when all of it is in the file. Under steady writing a passive checkpoint may never be
+// that far: beyond this size one commit has to wait for it.
 constexpr uintmax_t kMaxWalBytes = 32 << 20;
 constexpr int kBusyTimeoutMs = 1000;
 

@@ -6,9 +6,9 @@
 
 namespace mapmend {
 
-// Moves what is committed from the write-ahead log into the database file, from a connection and a thread of its own: a commit that
-// has to do it takes up to half a second, with this its 99th percentile is a few milliseconds. PASSIVE, so that the writer need not
-// wait, unless the log has grown beyond 32 MB.
+// Moves what is committed from the write-ahead log into the database file, from a connection and a thread of its own: a
+// commit that has to do it takes up to half a second, with this its 99th percentile is a few milliseconds. PASSIVE, so
+// that the writer need not wait, unless the log has grown beyond 32 MB.
 class Checkpointer {
  public:
   // The file must be open elsewhere for as long as this lives (FileGuard).

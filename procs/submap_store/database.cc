@@ -81,14 +81,16 @@ std::vector<GapRow> Database::Gaps(int64_t session) {
   Use query = Prepare("SELECT first_seq, last_seq, reason FROM gap WHERE session = ? ORDER BY first_seq");
   query->bind(1, session);
   while (query->executeStep()) {
-    gaps.push_back({session, query->getColumn(0).getInt64(), query->getColumn(1).getInt64(), query->getColumn(2).getString()});
+    gaps.push_back(
+        {session, query->getColumn(0).getInt64(), query->getColumn(1).getInt64(), query->getColumn(2).getString()});
   }
   return gaps;
 }
 
 void Database::ReadRecords(const SessionRow& session, int64_t first, int64_t last,
                            const std::function<bool(EncodedRecord)>& visit) {
-  Use query = Prepare("SELECT seq, channel, payload FROM record WHERE session = ? AND seq >= ? AND seq <= ? ORDER BY seq");
+  Use query =
+      Prepare("SELECT seq, channel, payload FROM record WHERE session = ? AND seq >= ? AND seq <= ? ORDER BY seq");
   query->bind(1, session.id);
   query->bind(2, first);
   query->bind(3, last);

@@ -28,7 +28,8 @@ struct GapRow {
   std::string reason;
 };
 
-// One open map database: the file, its locks and its prepared statements. Write-ahead log, synchronous FULL. One thread.
+// One open map database: the file, its locks and its prepared statements. Write-ahead log, synchronous FULL. One
+// thread.
 class Database {
  public:
   enum class Mode { kReadWrite, kReadOnly };
@@ -61,7 +62,8 @@ class Database {
   std::vector<SessionRow> Sessions();
   std::vector<GapRow> Gaps(int64_t session);
   // Calls visit for the records first .. last of a session in order, until it returns false.
-  void ReadRecords(const SessionRow& session, int64_t first, int64_t last, const std::function<bool(EncodedRecord)>& visit);
+  void ReadRecords(const SessionRow& session, int64_t first, int64_t last,
+                   const std::function<bool(EncodedRecord)>& visit);
   // The row's payload, or nullopt.
   std::optional<std::vector<uint8_t>> ReadPayload(int64_t session, int64_t seq);
 

@@ -21,7 +21,8 @@ void CheckSession(Database* database, const SessionRow& session, std::vector<std
     skip_gaps();
     if (encoded.seq != expected) report(expected, "is missing and not in the gap table");
     expected = encoded.seq + 1;
-    const DecodedRecord decoded = DecodeRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()));
+    const DecodedRecord decoded =
+        DecodeRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()));
     if (!decoded.record) {
       report(encoded.seq, decoded.error);
       return true;
@@ -38,7 +39,8 @@ void CheckSession(Database* database, const SessionRow& session, std::vector<std
     }
     return true;
   });
-  if (model.ended != session.ended) report(session.cumulative, "the session table and the records disagree about its end");
+  if (model.ended != session.ended)
+    report(session.cumulative, "the session table and the records disagree about its end");
   auto count = database->Prepare(
       "SELECT count(*), (SELECT count(*) FROM keyframe_bow WHERE session = ?1) FROM keyframe WHERE session = ?1");
   count->bind(1, session.id);

@@ -4,8 +4,9 @@
 #include <string>
 #include <vector>
 
-// The tools of `mapmend db`: each looks into or rewrites a database file that must not be in use by a store that writes it (info, check and hash may read it meanwhile). They throw std::runtime_error with one
-// line for a file that cannot be used, and print to stdout.
+// The tools of `mapmend db`: each looks into or rewrites a database file that must not be in use by a store that writes
+// it (info, check and hash may read it meanwhile). They throw std::runtime_error with one line for a file that cannot
+// be used, and print to stdout.
 namespace mapmend {
 
 // Adds info, check, compact, merge and hash as subcommands.
@@ -20,12 +21,12 @@ std::vector<std::string> CheckDb(const std::string& path);
 // Rewrites the file without free pages, and brings it up to the newest schema.
 void CompactDb(const std::string& path);
 
-// Makes `out` from the sessions of all inputs, in the order of their start times. Revisions are left behind: the merger makes new ones.
-// Throws if sessions disagree or vocabularies differ; then `out` does not exist.
+// Makes `out` from the sessions of all inputs, in the order of their start times. Revisions are left behind: the merger
+// makes new ones. Throws if sessions disagree or vocabularies differ; then `out` does not exist.
 void MergeDbs(const std::vector<std::string>& inputs, const std::string& out);
 
-// SHA-256 over content, not pages. stream: every record of every session, ordered by session name. map: transforms, connections and
-// refined geometry of the newest complete revision, without its number; empty if there is none.
+// SHA-256 over content, not pages. stream: every record of every session, ordered by session name. map: transforms,
+// connections and refined geometry of the newest complete revision, without its number; empty if there is none.
 struct DbHash {
   std::string stream, map;
 };

@@ -1,10 +1,10 @@
-#include "procs/submap_store/database.h"
-#include "procs/submap_store/db_commands.h"
-#include "procs/submap_store/submap_store.h"
-
 #include <sys/stat.h>
 
 #include <cstdio>
+
+#include "procs/submap_store/database.h"
+#include "procs/submap_store/db_commands.h"
+#include "procs/submap_store/submap_store.h"
 
 namespace mapmend {
 namespace {
@@ -29,7 +29,8 @@ void CompactDb(const std::string& path) {
   Database database(path, Database::Mode::kReadWrite);
   database.Sql().exec("VACUUM");
   database.Sql().exec("PRAGMA wal_checkpoint(TRUNCATE)");
-  std::printf("%s: %lld bytes, were %lld\n", path.c_str(), static_cast<long long>(FileSize(path)), static_cast<long long>(before));
+  std::printf("%s: %lld bytes, were %lld\n", path.c_str(), static_cast<long long>(FileSize(path)),
+              static_cast<long long>(before));
 }
 
 }  // namespace mapmend

@@ -37,7 +37,8 @@ std::string HashMap(Database* database) {
   request.part = -1;
   const revision_fetched_t newest = revisions.Fetch(request);
   revision_t revision{};
-  if (newest.status != revision_fetched_t::OK || !DecodeMessage(newest.data.data(), newest.num_bytes, &revision)) return "";
+  if (newest.status != revision_fetched_t::OK || !DecodeMessage(newest.data.data(), newest.num_bytes, &revision))
+    return "";
   revision.transforms.revision = 0;
   revision.transforms.cursors.clear();
   revision.transforms.num_cursors = 0;

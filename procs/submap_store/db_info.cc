@@ -17,7 +17,8 @@ void PrintSizes(Database* database) {
     const int64_t bytes = rows->getColumn(1).getInt64();
     if (bytes > 4096) std::printf("  %-36s %14lld\n", rows->getColumn(0).getText(), static_cast<long long>(bytes));
   }
-  auto channels = database->Prepare("SELECT channel, count(*), sum(length(payload)) FROM record GROUP BY channel ORDER BY 3 DESC");
+  auto channels =
+      database->Prepare("SELECT channel, count(*), sum(length(payload)) FROM record GROUP BY channel ORDER BY 3 DESC");
   std::printf("payload of the records:\n");
   while (channels->executeStep()) {
     std::printf("  %-20s %8lld records %14lld bytes\n", channels->getColumn(0).getText(),
@@ -27,10 +28,12 @@ void PrintSizes(Database* database) {
 }
 
 void PrintSession(Database* database, const SessionRow& session) {
-  std::printf("session %s  vehicle '%s'  source '%s'  records %lld  %s\n", session.uuid.c_str(), session.vehicle.c_str(),
-              session.source.c_str(), static_cast<long long>(session.cumulative + 1), session.ended ? "ended" : "open");
+  std::printf("session %s  vehicle '%s'  source '%s'  records %lld  %s\n", session.uuid.c_str(),
+              session.vehicle.c_str(), session.source.c_str(), static_cast<long long>(session.cumulative + 1),
+              session.ended ? "ended" : "open");
   auto rows = database->Prepare(
-      "SELECT submap, (SELECT count(*) FROM keyframe k WHERE k.session = s.session AND k.submap = s.submap AND removed_seq IS NULL), "
+      "SELECT submap, (SELECT count(*) FROM keyframe k WHERE k.session = s.session AND k.submap = s.submap AND "
+      "removed_seq IS NULL), "
       "ifnull(num_points, -1), ifnull(num_frames, -1), ifnull(end_reason, 'open'), ifnull(end_detail, '') "
       "FROM submap s WHERE session = ? ORDER BY submap");
   rows->bind(1, session.id);
@@ -42,8 +45,8 @@ void PrintSession(Database* database, const SessionRow& session) {
     std::printf("  %s  %s\n", rows->getColumn(4).getText(), rows->getColumn(5).getText());
   }
   for (const GapRow& gap : database->Gaps(session.id)) {
-    std::printf("  gap: records %lld to %lld, %s\n", static_cast<long long>(gap.first_seq), static_cast<long long>(gap.last_seq),
-                gap.reason.c_str());
+    std::printf("  gap: records %lld to %lld, %s\n", static_cast<long long>(gap.first_seq),
+                static_cast<long long>(gap.last_seq), gap.reason.c_str());
   }
 }
 
@@ -58,7 +61,8 @@ void PrintDbInfo(const std::string& path) {
   const int64_t newest = RevisionStore(&database).NewestComplete();
   if (newest >= 0) {
     auto counts = database.Prepare(
-        "SELECT count(*), count(DISTINCT component), (SELECT count(*) FROM connection WHERE revision = ?1 AND verdict = 0) "
+        "SELECT count(*), count(DISTINCT component), (SELECT count(*) FROM connection WHERE revision = ?1 AND verdict "
+        "= 0) "
         "FROM merged_submap WHERE revision = ?1");
     counts->bind(1, newest);
     if (counts->executeStep()) {

@@ -18,12 +18,13 @@ struct Source {
   SessionRow session;
 };
 
-const char* const kTables[] = {"record",           "gap",        "submap", "keyframe", "keyframe_bow",
-                               "keyframe_geometry", "map_points"};
+const char* const kTables[] = {"record",    "gap", "submap", "keyframe", "keyframe_bow", "keyframe_geometry",
+                               "map_points"};
 
 // Names of a table's columns but `session`, which is numbered anew.
 std::string Columns(SQLite::Database* database, const std::string& table) {
-  SQLite::Statement info(*database, "SELECT name FROM pragma_table_info('" + table + "') WHERE name NOT IN ('session', 'id')");
+  SQLite::Statement info(*database,
+                         "SELECT name FROM pragma_table_info('" + table + "') WHERE name NOT IN ('session', 'id')");
   std::string columns;
   while (info.executeStep()) columns += std::string(columns.empty() ? "" : ", ") + info.getColumn(0).getText();
   return columns;
@@ -36,15 +37,15 @@ void CopySession(SQLite::Database* out, const Source& source) {
   {
     SQLite::Transaction transaction(*out);
     const std::string columns = Columns(out, "session");
-    SQLite::Statement session(*out, "INSERT INTO main.session(" + columns + ") SELECT " + columns +
-                                        " FROM source.session WHERE id = ?");
+    SQLite::Statement session(
+        *out, "INSERT INTO main.session(" + columns + ") SELECT " + columns + " FROM source.session WHERE id = ?");
     session.bind(1, source.session.id);
     session.exec();
     const int64_t id = out->getLastInsertRowid();
     for (const char* table : kTables) {
       const std::string names = Columns(out, table);
-      SQLite::Statement copy(*out, std::string("INSERT INTO main.") + table + "(session, " + names + ") SELECT ?, " + names +
-                                       " FROM source." + table + " WHERE session = ?");
+      SQLite::Statement copy(*out, std::string("INSERT INTO main.") + table + "(session, " + names + ") SELECT ?, " +
+                                       names + " FROM source." + table + " WHERE session = ?");
       copy.bind(1, id);
       copy.bind(2, source.session.id);
       copy.exec();

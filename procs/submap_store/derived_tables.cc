@@ -37,7 +37,8 @@ void WriteSubmapEnd(Database* database, int64_t session, const RecordHeader& hea
 
 void WriteKeyframeRows(Database* database, int64_t session, const RecordHeader& header, const KeyframeRecord& body) {
   Database::Use keyframe = database->Prepare(
-      "INSERT OR REPLACE INTO keyframe(session, keyframe, submap, seq, utime, frame, num_features) VALUES(?, ?, ?, ?, ?, ?, ?)");
+      "INSERT OR REPLACE INTO keyframe(session, keyframe, submap, seq, utime, frame, num_features) VALUES(?, ?, ?, ?, "
+      "?, ?, ?)");
   keyframe->bind(1, session);
   keyframe->bind(2, body.keyframe.value);
   keyframe->bind(3, body.submap.value);
@@ -103,8 +104,10 @@ void WriteDerivedRows(Database* database, int64_t session, const Record& record)
   const RecordHeader& header = record.header;
   if (const auto* start = std::get_if<SubmapStarted>(&record.body)) WriteSubmapStart(database, session, header, *start);
   if (const auto* end = std::get_if<SubmapEnded>(&record.body)) WriteSubmapEnd(database, session, header, *end);
-  if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body)) WriteKeyframeRows(database, session, header, *keyframe);
-  if (const auto* update = std::get_if<MapUpdate>(&record.body)) WriteRemovedKeyframes(database, session, header, *update);
+  if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body))
+    WriteKeyframeRows(database, session, header, *keyframe);
+  if (const auto* update = std::get_if<MapUpdate>(&record.body))
+    WriteRemovedKeyframes(database, session, header, *update);
   if (const auto* end = std::get_if<SessionEnded>(&record.body)) {
     Database::Use update = database->Prepare("UPDATE session SET ended = 1, num_frames = ? WHERE id = ?");
     update->bind(1, end->num_frames);
@@ -207,7 +210,8 @@ void RebuildDerivedRows(Database* database, const SessionRow& session) {
     remove->exec();
   }
   database->ReadRecords(session, 0, session.cumulative, [&](const EncodedRecord& encoded) {
-    const DecodedRecord decoded = DecodeRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()));
+    const DecodedRecord decoded =
+        DecodeRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()));
     if (decoded.record) WriteDerivedRows(database, session.id, *decoded.record);
     return true;
   });

@@ -8,16 +8,17 @@
 // Writes what the stream says into tables (docs/file_formats.md). All of it can be made again from the record table.
 namespace mapmend {
 
-// Rows that belong to one record: the session, a submap's begin or end, a keyframe and its words, culled keyframes. Call in
-// the transaction that inserts the record. session: the number of the session's row (a SessionStarted makes that row).
+// Rows that belong to one record: the session, a submap's begin or end, a keyframe and its words, culled keyframes.
+// Call in the transaction that inserts the record. session: the number of the session's row (a SessionStarted makes
+// that row).
 void WriteDerivedRows(Database* database, int64_t session, const Record& record);
 
 // Inserts the session's row and returns its number.
 int64_t InsertSession(Database* database, const RecordHeader& header, const SessionStarted& body);
 
-// Writes the final geometry of a submap that has ended: poses, observed points and covisible keyframes of each keyframe, then
-// map points, tracked frames and counts. In steps, each a short transaction of its own, so that a large submap
-// does not hold up the records that arrive meanwhile.
+// Writes the final geometry of a submap that has ended: poses, observed points and covisible keyframes of each
+// keyframe, then map points, tracked frames and counts. In steps, each a short transaction of its own, so that a large
+// submap does not hold up the records that arrive meanwhile.
 class GeometryWriter {
  public:
   GeometryWriter(int64_t session, Submap submap) : session_(session), submap_(std::move(submap)) {}

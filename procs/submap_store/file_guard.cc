@@ -15,11 +15,13 @@
 namespace mapmend {
 namespace {
 
-// Offsets in the header of an SQLite file (https://www.sqlite.org/fileformat.html, section 1.3); numbers are big-endian.
+// Offsets in the header of an SQLite file (https://www.sqlite.org/fileformat.html, section 1.3); numbers are
+// big-endian.
 constexpr int kHeaderSize = 100, kPageSizeAt = 16, kPageCountAt = 28, kUserVersionAt = 60, kApplicationIdAt = 68;
 
 uint32_t ReadU32(const uint8_t* p) {
-  return static_cast<uint32_t>(p[0]) << 24 | static_cast<uint32_t>(p[1]) << 16 | static_cast<uint32_t>(p[2]) << 8 | p[3];
+  return static_cast<uint32_t>(p[0]) << 24 | static_cast<uint32_t>(p[1]) << 16 | static_cast<uint32_t>(p[2]) << 8 |
+         p[3];
 }
 
 // Empty if the file can be opened, else what is wrong with it.
@@ -40,8 +42,8 @@ std::string Inspect(int fd, const std::string& path) {
     return "is not a map database (an SQLite file of another program)";
   }
   if (version > static_cast<uint32_t>(kSchemaVersion)) {
-    return "has schema version " + std::to_string(version) + ", this program knows up to " + std::to_string(kSchemaVersion) +
-           "; use a newer mapmend";
+    return "has schema version " + std::to_string(version) + ", this program knows up to " +
+           std::to_string(kSchemaVersion) + "; use a newer mapmend";
   }
   const int64_t page_size = header[kPageSizeAt] == 0 && header[kPageSizeAt + 1] == 1
                                 ? 65536

@@ -30,7 +30,8 @@ bool IsValid(const revision_t& revision) {
     }
   }
   return std::all_of(revision.connections.begin(), revision.connections.end(), [](const connection_t& c) {
-    return IsSessionId(c.session_a) && IsSessionId(c.session_b) && std::isfinite(c.strength) && AllFinite(c.b_from_a, 8);
+    return IsSessionId(c.session_a) && IsSessionId(c.session_b) && std::isfinite(c.strength) &&
+           AllFinite(c.b_from_a, 8);
   });
 }
 
@@ -39,7 +40,8 @@ bool IsValid(const revision_part_t& part) {
   return part.revision >= 0 && part.part >= 0 && IsSessionId(part.session) &&
          part.num_pose_values == 7 * static_cast<int64_t>(part.num_keyframes) &&
          part.num_position_values == 3 * static_cast<int64_t>(part.num_points) &&
-         AllFinite(part.cam_from_root.data(), part.cam_from_root.size()) && AllFinite(part.scale.data(), part.scale.size()) &&
+         AllFinite(part.cam_from_root.data(), part.cam_from_root.size()) &&
+         AllFinite(part.scale.data(), part.scale.size()) &&
          std::all_of(part.position.begin(), part.position.end(), finite);
 }
 
@@ -53,7 +55,8 @@ void Delete(Database* database, int64_t revision) {
 
 void InsertSubmaps(Database* database, const revision_t& revision) {
   for (const merged_submap_t& submap : revision.transforms.submaps) {
-    auto insert = database->Prepare("INSERT OR REPLACE INTO merged_submap VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+    auto insert =
+        database->Prepare("INSERT OR REPLACE INTO merged_submap VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
     insert->bind(1, revision.transforms.revision);
     insert->bind(2, submap.session);
     insert->bind(3, submap.submap);
@@ -106,7 +109,8 @@ std::optional<revision_ack_t> RevisionStore::Store(const uint8_t* data, int size
   }
   SQLite::Transaction transaction(database_->Sql());
   Delete(database_, number);
-  auto insert = database_->Prepare("INSERT INTO revision(revision, refined, final, num_parts, payload) VALUES(?, ?, ?, ?, ?)");
+  auto insert =
+      database_->Prepare("INSERT INTO revision(revision, refined, final, num_parts, payload) VALUES(?, ?, ?, ?, ?)");
   insert->bind(1, number);
   insert->bind(2, revision.transforms.refined != 0 ? 1 : 0);
   insert->bind(3, revision.transforms.is_final != 0 ? 1 : 0);
@@ -145,7 +149,8 @@ std::optional<revision_ack_t> RevisionStore::StorePart(const uint8_t* data, int 
 
 int64_t RevisionStore::NewestComplete() {
   auto query = database_->Prepare(
-      "SELECT revision FROM revision r WHERE num_parts = (SELECT count(*) FROM revision_part p WHERE p.revision = r.revision "
+      "SELECT revision FROM revision r WHERE num_parts = (SELECT count(*) FROM revision_part p WHERE p.revision = "
+      "r.revision "
       "AND p.part < r.num_parts) ORDER BY revision DESC LIMIT 1");
   return query->executeStep() ? query->getColumn(0).getInt64() : -1;
 }

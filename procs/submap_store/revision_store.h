@@ -9,14 +9,14 @@
 
 namespace mapmend {
 
-// Revisions of the merged map, as the merger made them. Every revision's transforms and connections are kept, the refined keyframes and
-// points only of the newest complete revision and of those after it.
+// Revisions of the merged map, as the merger made them. Every revision's transforms and connections are kept, the
+// refined keyframes and points only of the newest complete revision and of those after it.
 class RevisionStore {
  public:
   explicit RevisionStore(Database* database) : database_(database) {}
 
-  // Commit one message and return its acknowledgement; nullopt if it is not valid. Storing a revision_t under a number that is in use
-  // replaces what was there, unless it is the same. Throw SQLite::Exception, e.g. on a full disk.
+  // Commit one message and return its acknowledgement; nullopt if it is not valid. Storing a revision_t under a number
+  // that is in use replaces what was there, unless it is the same. Throw SQLite::Exception, e.g. on a full disk.
   std::optional<revision_ack_t> Store(const uint8_t* data, int size);
   std::optional<revision_ack_t> StorePart(const uint8_t* data, int size);
 

@@ -11,7 +11,8 @@ namespace mapmend {
 inline constexpr int32_t kApplicationId = 0x4d4d4150;  // "MMAP", in the file's header
 inline constexpr int kSchemaVersion = 4;               // PRAGMA user_version
 
-// Brings a database from the version it has (0: empty) to `version` (of at most kSchemaVersion), one transaction per step.
+// Brings a database from the version it has (0: empty) to `version` (of at most kSchemaVersion), one transaction per
+// step.
 void Migrate(SQLite::Database* database, int version = kSchemaVersion);
 
 }  // namespace mapmend

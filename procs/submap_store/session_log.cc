@@ -11,8 +11,8 @@ namespace mapmend {
 namespace {
 
 constexpr int64_t kAliveMs = 2000;
-constexpr int64_t kMaxBehind = 100000000;  // a heartbeat that claims more records is forged
-constexpr int kMaxDamaged = 3;              // a record that does not decode so often will not do better
+constexpr int64_t kMaxBehind = 100000000;              // a heartbeat that claims more records is forged
+constexpr int kMaxDamaged = 3;                         // a record that does not decode so often will not do better
 constexpr size_t kMaxMissing = 64, kMaxGapSeqs = 256;  // named in an ack
 
 }  // namespace
@@ -120,7 +120,8 @@ std::vector<LogItem> SessionLog::TakeReady(int64_t now_ms) {
       int64_t last = pending_.empty() ? last_made_ : pending_.begin()->first - 1;
       if (first_available_ > prepared_ + 1) last = std::min(std::max(last, prepared_ + 1), first_available_ - 1);
       if (prepared_ < 0) {
-        RefuseSession("session " + session_ + ": its first record is missing, so nothing of it can be stored (" + reason + ")");
+        RefuseSession("session " + session_ + ": its first record is missing, so nothing of it can be stored (" +
+                      reason + ")");
         break;
       }
       AddGap(prepared_ + 1, last, reason, &items);
@@ -134,8 +135,8 @@ std::vector<LogItem> SessionLog::TakeReady(int64_t now_ms) {
     last_progress_ms_ = now_ms;
     const auto* keyframe = std::get_if<KeyframeRecord>(&entry.record.body);
     const bool grows = keyframe == nullptr || keyframe->keyframe.value > last_keyframe_;
-    const std::string error =
-        grows ? ApplyLight(entry.record, &model_) : "keyframe id " + std::to_string(keyframe->keyframe.value) + " does not grow";
+    const std::string error = grows ? ApplyLight(entry.record, &model_)
+                                    : "keyframe id " + std::to_string(keyframe->keyframe.value) + " does not grow";
     if (error.empty()) {
       if (keyframe != nullptr) last_keyframe_ = keyframe->keyframe.value;
       prepared_ = entry.encoded.seq;
@@ -181,7 +182,8 @@ std::vector<LogItem> SessionLog::TakeClosing() {
     items.push_back(LogEntry{std::move(encoded), std::move(record)});
   };
   for (const auto& [id, submap] : model_.submaps) {
-    if (!submap.ended) append(SubmapEnded{id, "interrupted", "the frontend ended without a word", last_frame, last_utime});
+    if (!submap.ended)
+      append(SubmapEnded{id, "interrupted", "the frontend ended without a word", last_frame, last_utime});
   }
   append(SessionEnded{last_frame + 1});
   return items;

@@ -13,11 +13,11 @@
 namespace mapmend {
 
 struct SessionLogOptions {
-  int max_ahead = 4096;                        // records beyond the next expected one that are held
-  int64_t max_pending_bytes = 256 << 20;       // of those; what does not fit will be sent again
-  int64_t replay_settle_ms = 2000;             // a hole is given up after so long in a replay, where nobody answers
-  int64_t silent_settle_ms = 30000;            // and after so long without a word from a live frontend
-  int64_t max_heartbeat_age_us = 2000000;      // an older heartbeat comes from a recording
+  int max_ahead = 4096;                    // records beyond the next expected one that are held
+  int64_t max_pending_bytes = 256 << 20;   // of those; what does not fit will be sent again
+  int64_t replay_settle_ms = 2000;         // a hole is given up after so long in a replay, where nobody answers
+  int64_t silent_settle_ms = 30000;        // and after so long without a word from a live frontend
+  int64_t max_heartbeat_age_us = 2000000;  // an older heartbeat comes from a recording
 };
 
 // Something to be committed: a record that is the session's next and valid, or a hole that will not be filled.
@@ -31,33 +31,34 @@ struct LogGap {
 };
 using LogItem = std::variant<LogEntry, LogGap>;
 
-// Puts the records of one session in order, as they come from an unreliable bus, and checks each in its turn against what came
-// before. Knows nothing of files. Times are milliseconds of any steady clock.
+// Puts the records of one session in order, as they come from an unreliable bus, and checks each in its turn against
+// what came before. Knows nothing of files. Times are milliseconds of any steady clock.
 class SessionLog {
  public:
   SessionLog(const std::string& session, const SessionLogOptions& options);
   // For a session that is in the file: model holds its submaps (only the open ones in full), cumulative its last seq.
   void Restore(Session model, int64_t cumulative, int32_t last_keyframe, const std::vector<LogGap>& gaps);
 
-  // A record that does not decode is refused here: it is sent again. If it does not decode then either, its turn makes it a gap.
+  // A record that does not decode is refused here: it is sent again. If it does not decode then either, its turn makes
+  // it a gap.
   enum class Offered { kPending, kDuplicate, kRefused };
   Offered Offer(EncodedRecord record, int64_t now_ms);
   void OnHeartbeat(const stream_state_t& state, int64_t now_ms, int64_t wall_us);
 
-  // Everything that can be committed now, in order. The caller commits it and then calls Committed, or tries again later with
-  // the same items: they are handed out once.
+  // Everything that can be committed now, in order. The caller commits it and then calls Committed, or tries again
+  // later with the same items: they are handed out once.
   std::vector<LogItem> TakeReady(int64_t now_ms);
   void Committed();
 
   // Ends the session in its frontend's place: what is missing becomes a gap, open submaps are closed as "interrupted".
   std::vector<LogItem> TakeClosing();
 
-  // The whole session is refused, e.g. another vocabulary: nothing of it is kept, acks carry the error, until another first
-  // record comes that will do. Only before anything of it is committed.
+  // The whole session is refused, e.g. another vocabulary: nothing of it is kept, acks carry the error, until another
+  // first record comes that will do. Only before anything of it is committed.
   void RefuseSession(const std::string& error);
 
   ack_t MakeAck(const std::string& store_error) const;
-  bool IsAlive(int64_t now_ms) const;       // its frontend sends heartbeats
+  bool IsAlive(int64_t now_ms) const;  // its frontend sends heartbeats
   bool WasHeard(int64_t now_ms, int64_t within_ms) const { return now_ms - last_heard_ms_ <= within_ms; }
   int64_t Cumulative() const { return committed_; }
   bool Ended() const { return model_.ended; }
@@ -73,10 +74,10 @@ class SessionLog {
 
   std::string session_;
   SessionLogOptions options_;
-  Session model_;             // after all prepared records
+  Session model_;  // after all prepared records
   int32_t last_keyframe_ = -1;
   int64_t committed_ = -1;
-  int64_t prepared_ = -1;     // handed out by TakeReady
+  int64_t prepared_ = -1;  // handed out by TakeReady
   std::map<int64_t, LogEntry> pending_;
   std::map<int64_t, int> damaged_;  // records that came undecodable, and how often
   int64_t pending_bytes_ = 0;

@@ -13,11 +13,13 @@ constexpr int64_t kAckIntervalMs = 50;
 constexpr int64_t kHealthIntervalMs = 1000;
 
 int64_t SteadyMs() {
-  return std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::steady_clock::now().time_since_epoch()).count();
+  return std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::steady_clock::now().time_since_epoch())
+      .count();
 }
 
 int64_t WallUs() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+  return std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch())
+      .count();
 }
 
 }  // namespace
@@ -57,9 +59,10 @@ StoreAdapter::StoreAdapter(Bus* bus, SubmapStore* store) : bus_(bus), store_(sto
       throw std::runtime_error("not a valid revision_part_t");
     }
   });
-  bus->Subscribe<revision_fetch_t>(channels::kRevisionFetch, Delivery::kKeepAll, [this](const revision_fetch_t& request) {
-    bus_->Publish(channels::kRevisionFetched, store_->revisions()->Fetch(request));
-  });
+  bus->Subscribe<revision_fetch_t>(channels::kRevisionFetch, Delivery::kKeepAll,
+                                   [this](const revision_fetch_t& request) {
+                                     bus_->Publish(channels::kRevisionFetched, store_->revisions()->Fetch(request));
+                                   });
 }
 
 void StoreAdapter::Spin(int timeout_ms) {

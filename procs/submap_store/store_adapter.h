@@ -6,8 +6,8 @@
 
 namespace mapmend {
 
-// Connects a SubmapStore to the bus: records, heartbeats and requests in; acknowledgements (at once after a commit and at 20 Hz),
-// replies and health out.
+// Connects a SubmapStore to the bus: records, heartbeats and requests in; acknowledgements (at once after a commit and
+// at 20 Hz), replies and health out.
 class StoreAdapter {
  public:
   StoreAdapter(Bus* bus, SubmapStore* store);

@@ -21,14 +21,25 @@ std::map<KeyframeId, int> SharedPoints(const Submap& submap, KeyframeId id) {
   std::map<KeyframeId, int> shared;
   const auto it = submap.keyframes.find(id);
   if (it == submap.keyframes.end()) return shared;
+  // Thousands of observations, few keyframes: counted by a keyframe's place in the submap (ids may lie far apart).
+  std::vector<KeyframeId> ids;
+  for (const auto& [other, keyframe] : submap.keyframes) ids.push_back(other);
+  std::vector<int> counts(ids.size(), 0);
   for (const MapPointId point : it->second.map_points) {
     const auto found = point.IsValid() ? submap.points.find(point) : submap.points.end();
     if (found == submap.points.end()) continue;
     KeyframeId previous;  // observations ascend by keyframe; two features may observe the same point
+    auto at = ids.begin();
     for (const SubmapObservation& observation : found->second.observations) {
-      if (observation.keyframe != id && observation.keyframe != previous) ++shared[observation.keyframe];
+      if (observation.keyframe != id && observation.keyframe != previous) {
+        at = std::lower_bound(at, ids.end(), observation.keyframe);
+        ++counts[static_cast<size_t>(at - ids.begin())];
+      }
       previous = observation.keyframe;
     }
+  }
+  for (size_t i = 0; i < ids.size(); ++i) {
+    if (counts[i] > 0) shared.emplace_hint(shared.end(), ids[i], counts[i]);
   }
   return shared;
 }

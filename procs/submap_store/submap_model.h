@@ -6,14 +6,15 @@
 
 #include "libs/mapping/submap.h"
 
-// What the store knows of submaps that are still growing: who observes what. Descriptors, colours and words are left out: they
-// stay in the file.
+// What the store knows of submaps that are still growing: who observes what. Descriptors, colours and words are left
+// out: they stay in the file.
 namespace mapmend {
 
 // Applies a record as Session::Apply and then drops the heavy part of a new keyframe.
 std::string ApplyLight(const Record& record, Session* session);
 
-// Keyframes that share at least kMinCovisible map points with this one, strongest first, ties by id; at most kMaxCovisible.
+// Keyframes that share at least kMinCovisible map points with this one, strongest first, ties by id; at most
+// kMaxCovisible.
 inline constexpr int kMinCovisible = 15, kMaxCovisible = 10;
 std::vector<KeyframeId> CovisibleKeyframes(const Submap& submap, KeyframeId keyframe);
 

@@ -54,8 +54,9 @@ SubmapStore::SubmapStore(const SubmapStoreOptions& options)
   for (const SessionRow& row : database_.Sessions()) {
     if (vocabulary_hash_.empty()) vocabulary_hash_ = row.vocabulary_hash;
     if (row.vocabulary_hash != vocabulary_hash_) {
-      throw std::runtime_error(options.path + ": session " + row.uuid + " was made with vocabulary " + row.vocabulary_hash +
-                               ", not with " + vocabulary_hash_ + "; use its vocabulary or another file");
+      throw std::runtime_error(options.path + ": session " + row.uuid + " was made with vocabulary " +
+                               row.vocabulary_hash + ", not with " + vocabulary_hash_ +
+                               "; use its vocabulary or another file");
     }
     if (!row.is_derived) RebuildDerivedRows(&database_, row);
   }
@@ -76,11 +77,12 @@ void SubmapStore::Restore(const SessionRow& row) {
   };
   std::vector<SubmapRow> submaps;
   {
-    auto rows = database_.Prepare("SELECT submap, start_seq, ifnull(end_seq, -1), has_geometry FROM submap WHERE session = ?");
+    auto rows =
+        database_.Prepare("SELECT submap, start_seq, ifnull(end_seq, -1), has_geometry FROM submap WHERE session = ?");
     rows->bind(1, row.id);
     while (rows->executeStep()) {
-      submaps.push_back({SubmapId(rows->getColumn(0).getInt()), rows->getColumn(1).getInt64(), rows->getColumn(2).getInt64(),
-                         rows->getColumn(3).getInt() != 0});
+      submaps.push_back({SubmapId(rows->getColumn(0).getInt()), rows->getColumn(1).getInt64(),
+                         rows->getColumn(2).getInt64(), rows->getColumn(3).getInt() != 0});
     }
   }
   for (const SubmapRow& submap : submaps) {
@@ -120,7 +122,8 @@ SubmapStore::SessionState* SubmapStore::Find(const std::string& session) {
 SubmapStore::SessionState* SubmapStore::FindOrAdd(const std::string& session) {
   if (SessionState* state = Find(session)) return state;
   const auto is_new = [](const auto& item) { return item.second->row == 0; };
-  if (static_cast<size_t>(std::count_if(sessions_.begin(), sessions_.end(), is_new)) >= kMaxOpenSessions) return nullptr;
+  if (static_cast<size_t>(std::count_if(sessions_.begin(), sessions_.end(), is_new)) >= kMaxOpenSessions)
+    return nullptr;
   auto& state = sessions_[session];
   state = std::make_unique<SessionState>(session, options_.log);
   return state.get();
@@ -163,8 +166,8 @@ void SubmapStore::CheckVocabulary(SessionState* state) {
   const auto* start = entry == nullptr ? nullptr : std::get_if<SessionStarted>(&entry->record.body);
   if (start == nullptr) return;
   if (vocabulary_hash_.empty() || start->vocabulary_hash == vocabulary_hash_) return;
-  const std::string error = "session " + entry->record.header.session + " uses vocabulary " + start->vocabulary_hash + ", but " +
-                            options_.path + " is for vocabulary " + vocabulary_hash_;
+  const std::string error = "session " + entry->record.header.session + " uses vocabulary " + start->vocabulary_hash +
+                            ", but " + options_.path + " is for vocabulary " + vocabulary_hash_;
   state->uncommitted.clear();
   state->log.RefuseSession(error);
 }
@@ -173,7 +176,8 @@ void SubmapStore::Write(SessionState* state) {
   int64_t row = state->row;
   for (const LogItem& item : state->uncommitted) {
     if (const auto* gap = std::get_if<LogGap>(&item)) {
-      auto insert = database_.Prepare("INSERT OR IGNORE INTO gap(session, first_seq, last_seq, reason) VALUES(?, ?, ?, ?)");
+      auto insert =
+          database_.Prepare("INSERT OR IGNORE INTO gap(session, first_seq, last_seq, reason) VALUES(?, ?, ?, ?)");
       insert->bind(1, row);
       insert->bind(2, gap->first_seq);
       insert->bind(3, gap->last_seq);
@@ -182,7 +186,8 @@ void SubmapStore::Write(SessionState* state) {
       continue;
     }
     const auto& [encoded, record] = std::get<LogEntry>(item);
-    if (const auto* start = std::get_if<SessionStarted>(&record.body)) row = InsertSession(&database_, record.header, *start);
+    if (const auto* start = std::get_if<SessionStarted>(&record.body))
+      row = InsertSession(&database_, record.header, *start);
     auto insert =
         database_.Prepare("INSERT OR IGNORE INTO record(session, seq, channel, utime, payload) VALUES(?, ?, ?, ?, ?)");
     insert->bind(1, row);
@@ -320,15 +325,16 @@ fetched_t SubmapStore::Fetch(const fetch_t& request) {
   SessionRow row;
   row.id = state->row;
   row.uuid = request.session;
-  database_.ReadRecords(row, request.first_seq, std::min(request.last_seq, reply.cumulative), [&](const EncodedRecord& record) {
-    if (reply.num_records > 0 && reply.data.size() + record.data.size() > limit) return false;
-    ++reply.num_records;
-    reply.seq.push_back(record.seq);
-    reply.channel.push_back(record.channel);
-    reply.size.push_back(static_cast<int32_t>(record.data.size()));
-    reply.data.insert(reply.data.end(), record.data.begin(), record.data.end());
-    return true;
-  });
+  database_.ReadRecords(row, request.first_seq, std::min(request.last_seq, reply.cumulative),
+                        [&](const EncodedRecord& record) {
+                          if (reply.num_records > 0 && reply.data.size() + record.data.size() > limit) return false;
+                          ++reply.num_records;
+                          reply.seq.push_back(record.seq);
+                          reply.channel.push_back(record.channel);
+                          reply.size.push_back(static_cast<int32_t>(record.data.size()));
+                          reply.data.insert(reply.data.end(), record.data.begin(), record.data.end());
+                          return true;
+                        });
   reply.num_bytes = static_cast<int32_t>(reply.data.size());
   return reply;
 }

@@ -31,12 +31,12 @@ struct SubmapStoreOptions {
   std::string Check() const;
 };
 
-// The durable log of the stream and the retrieval over it. Knows no bus: messages go in, replies come out. A record is acknowledged
-// only after it is committed. One thread. Times are milliseconds of a steady clock.
+// The durable log of the stream and the retrieval over it. Knows no bus: messages go in, replies come out. A record is
+// acknowledged only after it is committed. One thread. Times are milliseconds of a steady clock.
 class SubmapStore {
  public:
-  // Opens or creates the file and rebuilds what is in memory. Throws std::runtime_error with one line if the file cannot be
-  // used, or holds sessions of another vocabulary.
+  // Opens or creates the file and rebuilds what is in memory. Throws std::runtime_error with one line if the file
+  // cannot be used, or holds sessions of another vocabulary.
   explicit SubmapStore(const SubmapStoreOptions& options);
 
   // The stream.

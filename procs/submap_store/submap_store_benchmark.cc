@@ -1,9 +1,13 @@
-// Speed and size of the store, and how they grow with the number of keyframes. BoW vectors are drawn from real ones: the words of the
-// bundled flight's images under the bundled vocabulary, mixed so that neighbouring keyframes look alike.
+// Speed and size of the store, and how they grow with the number of keyframes. BoW vectors are drawn from real ones:
+// the words of the bundled flight's images under the bundled vocabulary, mixed so that neighbouring keyframes look
+// alike.
 //   submap_store_benchmark --benchmark_filter=Query
-// MAPMEND_LATENCY_SECONDS: length of the write latency run at 30 keyframes a second (10). Files lie in $TMPDIR.
+// MAPMEND_LATENCY_SECONDS: length of the write latency runs at 30 keyframes a second (10).
+// MAPMEND_BENCHMARK_FILES: folder in which filled files are kept for the next run, so that a large one need not be made
+// again while nothing else may run. Without it files lie in $TMPDIR and are removed.
 
 #include <benchmark/benchmark.h>
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -26,7 +30,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-double MsSince(Clock::time_point start) { return std::chrono::duration<double, std::milli>(Clock::now() - start).count(); }
+double MsSince(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
 
 double Quantile(std::vector<double> values, double q) {
   std::sort(values.begin(), values.end());
@@ -81,7 +87,8 @@ BowVector DrawVector(int i, std::mt19937* random) {
 
 constexpr int kSubmapSize = 300;
 
-// Records of one keyframe of a flight as the frontend makes them: new points, the keyframe, what local bundle adjustment moved.
+// Records of one keyframe of a flight as the frontend makes them: new points, the keyframe, what local bundle
+// adjustment moved.
 class FlightMaker {
  public:
   FlightMaker(SubmapStore* store, int num_features) : store_(store), num_features_(num_features) {}
@@ -134,12 +141,12 @@ class FlightMaker {
     store_->CommitReady(0);
     while (store_->WorkInBackground()) continue;
   }
-  int64_t LastSeq() const { return seq_ - 1; }
-  int NumKeyframes() const { return keyframe_; }
+  void SetNumFeatures(int num_features) { num_features_ = num_features; }
 
  private:
   Eigen::Vector3f RandomPoint() {
-    return {static_cast<float>(random_() % 10000), static_cast<float>(random_() % 10000), static_cast<float>(random_() % 10000)};
+    return {static_cast<float>(random_() % 10000), static_cast<float>(random_() % 10000),
+            static_cast<float>(random_() % 10000)};
   }
   KeyframeRecord MakeKeyframe(int num_points) {
     KeyframeRecord record;
@@ -148,7 +155,8 @@ class FlightMaker {
     record.frame = keyframe_ * 3;
     record.bow = DrawVector(keyframe_, &random_);
     for (int i = 0; i < num_features_; ++i) {
-      record.features.keypoints.push_back({{static_cast<float>(random_() % 6400) / 10, static_cast<float>(random_() % 4800) / 10}, 1, 2});
+      record.features.keypoints.push_back(
+          {{static_cast<float>(random_() % 6400) / 10, static_cast<float>(random_() % 4800) / 10}, 1, 2});
       Descriptor descriptor;
       for (uint64_t& word : descriptor) word = static_cast<uint64_t>(random_()) << 32 | random_();
       record.features.descriptors.push_back(descriptor);
@@ -174,28 +182,46 @@ class FlightMaker {
   SubmapId submap_;
 };
 
-// A store with n keyframes, filled once per process. Large ones hold few features each: queries read words, not features.
+constexpr int kFeatures = 1000;
+
+// A file of n keyframes. Of a hundred thousand, only the last submap, which is asked about, has keyframes of 1000
+// features; the others have few, since queries and opening do not read them.
 struct FilledStore {
-  FilledStore(int n, int num_features) {
-    path = std::filesystem::temp_directory_path() / ("mapmend-benchmark-" + std::to_string(getpid()) + "-" + std::to_string(n) +
-                                                    "-" + std::to_string(num_features) + ".db");
+  explicit FilledStore(int n) : num_keyframes(n) {
+    const char* folder = std::getenv("MAPMEND_BENCHMARK_FILES");
+    keep = folder != nullptr;
+    const std::filesystem::path parent = keep ? std::filesystem::path(folder) : std::filesystem::temp_directory_path();
+    path = parent / ("mapmend-benchmark-" + (keep ? "" : std::to_string(getpid()) + "-") + std::to_string(n) + ".db");
+    if (!std::filesystem::exists(path)) Fill();
     Open();
-    FlightMaker flight(store.get(), num_features);
-    flight.Start();
-    for (int i = 0; i < n; ++i) {
-      flight.AddKeyframe(i % 64 == 63);
-      while (store->WorkInBackground()) continue;
-    }
-    flight.End();
-    last_seq = flight.LastSeq();
-    num_keyframes = n;
+    fetch_t request{};
+    last_seq = store->Fetch(request).sessions.at(0).seq;
   }
   ~FilledStore() {
     store.reset();
+    if (keep) return;
     for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(path.string() + suffix);
   }
+  void Fill() {
+    const std::string unfinished = path.string() + ".unfinished";
+    std::filesystem::remove(unfinished);
+    {
+      SubmapStoreOptions options;
+      options.path = unfinished;
+      SubmapStore filling(options);
+      const Checkpointer checkpointer(unfinished);
+      FlightMaker flight(&filling, num_keyframes > 20000 ? 60 : kFeatures);
+      flight.Start();
+      for (int i = 0; i < num_keyframes; ++i) {
+        if (i == num_keyframes / kSubmapSize * kSubmapSize) flight.SetNumFeatures(kFeatures);
+        flight.AddKeyframe(i % 64 == 63);
+        while (filling.WorkInBackground()) continue;
+      }
+      flight.End();
+    }
+    std::filesystem::rename(unfinished, path);
+  }
   void Open() {
-    store.reset();
     SubmapStoreOptions options;
     options.path = path;
     store = std::make_unique<SubmapStore>(options);
@@ -204,16 +230,24 @@ struct FilledStore {
   std::unique_ptr<SubmapStore> store;
   int64_t last_seq = 0;
   int num_keyframes = 0;
+  bool keep = false;
 };
 
-FilledStore& Filled(int n, int num_features) {
-  static std::map<std::pair<int, int>, std::unique_ptr<FilledStore>> stores;
-  auto& store = stores[{n, num_features}];
-  if (!store) store = std::make_unique<FilledStore>(n, num_features);
+FilledStore& Filled(int n) {
+  static std::map<int, std::unique_ptr<FilledStore>> stores;
+  auto& store = stores[n];
+  if (!store) store = std::make_unique<FilledStore>(n);
   return *store;
 }
 
-constexpr int kFewFeatures = 60;
+// Makes the kernel forget what it has of a file, so that it is read from the disk.
+void DropFromCache(const std::filesystem::path& path) {
+  const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) return;
+  fdatasync(fd);
+  posix_fadvise(fd, 0, 0, POSIX_FADV_DONTNEED);
+  close(fd);
+}
 
 // An index of n keyframes and no file.
 InvertedIndex& FilledIndex(int n) {
@@ -239,7 +273,7 @@ void BM_InsertInMemory(benchmark::State& state) {
   }
 }
 
-// Index alone: all keyframes with common words, at n keyframes.
+// Index alone: keyframes with enough common words, at n keyframes.
 void BM_IndexQuery(benchmark::State& state) {
   const auto n = static_cast<int>(state.range(0));
   const InvertedIndex& index = FilledIndex(n);
@@ -251,7 +285,7 @@ void BM_IndexQuery(benchmark::State& state) {
   std::vector<double> times;
   for (auto _ : state) {
     const auto start = Clock::now();
-    benchmark::DoNotOptimize(index.Query(queries[times.size() % queries.size()], scope));
+    benchmark::DoNotOptimize(index.Query(queries[times.size() % queries.size()], scope, 0.8));
     times.push_back(MsSince(start));
   }
   state.counters["median_ms"] = Quantile(times, 0.5);
@@ -259,7 +293,7 @@ void BM_IndexQuery(benchmark::State& state) {
 
 // A whole query of the store: thresholds, index, covisible groups, at n keyframes.
 void BM_Query(benchmark::State& state) {
-  FilledStore& filled = Filled(static_cast<int>(state.range(0)), kFewFeatures);
+  FilledStore& filled = Filled(static_cast<int>(state.range(0)));
   bow_query_t query{};
   query.requester = "benchmark";
   query.session = "benchmark";
@@ -283,9 +317,22 @@ void BM_Query(benchmark::State& state) {
   state.counters["candidates"] = num_candidates / static_cast<double>(times.size());
 }
 
+// Opening a file that was closed properly: first from the disk, then once more from the kernel's cache.
 void BM_Reopen(benchmark::State& state) {
-  FilledStore& filled = Filled(static_cast<int>(state.range(0)), kFewFeatures);
-  for (auto _ : state) filled.Open();
+  FilledStore& filled = Filled(static_cast<int>(state.range(0)));
+  for (auto _ : state) {
+    filled.store.reset();
+    DropFromCache(filled.path);
+    auto start = Clock::now();
+    filled.Open();
+    state.counters["cold_ms"] = MsSince(start);
+    filled.store.reset();
+    start = Clock::now();
+    filled.Open();
+    const double warm = MsSince(start);
+    state.counters["warm_ms"] = warm;
+    state.SetIterationTime(1e-3 * warm);
+  }
   state.counters["memory_bytes_per_keyframe"] =
       static_cast<double>(filled.store->GetStatus(0).bytes_in_memory) / filled.num_keyframes;
 }
@@ -301,7 +348,7 @@ void BM_InsertWithCommit(benchmark::State& state) {
     {
       SubmapStore store(options);
       Checkpointer checkpointer(path);
-      FlightMaker flight(&store, 1000);
+      FlightMaker flight(&store, kFeatures);
       flight.Start();
       for (int i = 0; i < n; ++i) {
         times.push_back(flight.AddKeyframe());
@@ -316,17 +363,49 @@ void BM_InsertWithCommit(benchmark::State& state) {
   }
 }
 
+int LatencySeconds() {
+  const char* setting = std::getenv("MAPMEND_LATENCY_SECONDS");
+  return setting == nullptr ? 10 : std::atoi(setting);
+}
+
+// What the disk itself allows: the bytes of a keyframe written over an old file and made durable, 30 times a second.
+void BM_DiskLatency(benchmark::State& state) {
+  const std::string path = std::filesystem::temp_directory_path() / ("mapmend-disk-" + std::to_string(getpid()));
+  const int fd = open(path.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+  const std::vector<char> bytes(120000, 'x');
+  constexpr int kSlots = 64;
+  for (auto _ : state) {
+    std::vector<double> times;
+    bool is_good = fd >= 0;
+    for (int i = 0; i < kSlots; ++i) is_good &= write(fd, bytes.data(), bytes.size()) > 0;
+    is_good &= fsync(fd) == 0;
+    const auto start = Clock::now();
+    for (int i = 0; i < LatencySeconds() * 30; ++i) {
+      std::this_thread::sleep_until(start + std::chrono::microseconds(33333) * i);
+      const auto at = Clock::now();
+      is_good &= pwrite(fd, bytes.data(), bytes.size(), static_cast<off_t>(i % kSlots * bytes.size())) > 0;
+      is_good &= fdatasync(fd) == 0;
+      times.push_back(MsSince(at));
+    }
+    if (!is_good) state.SkipWithError("cannot write");
+    state.counters["median_ms"] = Quantile(times, 0.5);
+    state.counters["p99_ms"] = Quantile(times, 0.99);
+    state.counters["max_ms"] = Quantile(times, 1.0);
+  }
+  close(fd);
+  std::filesystem::remove(path);
+}
+
 // 30 keyframes of 1000 features a second, as a flight brings them.
 void BM_WriteLatency(benchmark::State& state) {
-  const char* setting = std::getenv("MAPMEND_LATENCY_SECONDS");
-  const int seconds = setting == nullptr ? 10 : std::atoi(setting);
+  const int seconds = LatencySeconds();
   const auto path = std::filesystem::temp_directory_path() / ("mapmend-latency-" + std::to_string(getpid()) + ".db");
   for (auto _ : state) {
     SubmapStoreOptions options;
     options.path = path;
     SubmapStore store(options);
     Checkpointer checkpointer(path);
-    FlightMaker flight(&store, 1000);
+    FlightMaker flight(&store, kFeatures);
     flight.Start();
     std::vector<double> times;
     const auto start = Clock::now();
@@ -337,7 +416,8 @@ void BM_WriteLatency(benchmark::State& state) {
       }
       times.push_back(flight.AddKeyframe());
       std::error_code ignored;
-      largest_wal = std::max<int64_t>(largest_wal, static_cast<int64_t>(std::filesystem::file_size(path.string() + "-wal", ignored)));
+      largest_wal = std::max<int64_t>(
+          largest_wal, static_cast<int64_t>(std::filesystem::file_size(path.string() + "-wal", ignored)));
     }
     state.counters["median_ms"] = Quantile(times, 0.5);
     state.counters["p99_ms"] = Quantile(times, 0.99);
@@ -350,8 +430,9 @@ void BM_WriteLatency(benchmark::State& state) {
 BENCHMARK(BM_InsertInMemory)->Arg(1000)->Arg(10000)->Arg(100000)->Iterations(1000)->Unit(benchmark::kMicrosecond);
 BENCHMARK(BM_IndexQuery)->Arg(1000)->Arg(10000)->Arg(100000)->Iterations(200)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_Query)->Arg(1000)->Arg(10000)->Arg(100000)->Iterations(480)->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_Reopen)->Arg(1000)->Arg(10000)->Arg(100000)->Iterations(1)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_Reopen)->Arg(1000)->Arg(10000)->Arg(100000)->Iterations(1)->UseManualTime()->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_InsertWithCommit)->Arg(1000)->Arg(10000)->Iterations(1)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_DiskLatency)->Iterations(1)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_WriteLatency)->Iterations(1)->Unit(benchmark::kMillisecond);
 
 }  // namespace

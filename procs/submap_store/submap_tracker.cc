@@ -14,7 +14,8 @@ const Submap& SubmapTracker::AsOf(int64_t seq) {
   }
   if (seq == seq_) return model_.submaps[submap_];
   database_->ReadRecords(session_, seq_ + 1, seq, [&](const EncodedRecord& encoded) {
-    const DecodedRecord decoded = DecodeRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()));
+    const DecodedRecord decoded =
+        DecodeRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()));
     if (decoded.record && SubmapOf(decoded.record->body) == submap_) ApplyLight(*decoded.record, &model_);
     return true;
   });

@@ -5,8 +5,8 @@
 
 namespace mapmend {
 
-// One submap as it was after any record of its session: reads the records from the file, forwards as long as it is asked for
-// later and later states, and from the submap's start again when asked for an earlier one.
+// One submap as it was after any record of its session: reads the records from the file, forwards as long as it is
+// asked for later and later states, and from the submap's start again when asked for an earlier one.
 class SubmapTracker {
  public:
   // start_seq: of the SubmapStarted record.

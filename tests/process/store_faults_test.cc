@@ -1,5 +1,5 @@
-// Kills of every process of the stream: nothing acknowledged is lost, nothing comes twice, and what is in the file at the end is
-// what is there without any fault. MAPMEND_KILLS sets how many kills of the store are made (default 100).
+// Kills of every process of the stream: nothing acknowledged is lost, nothing comes twice, and what is in the file at
+// the end is what is there without any fault. MAPMEND_KILLS sets how many kills of the store are made (default 100).
 
 #include <gtest/gtest.h>
 
@@ -87,7 +87,8 @@ TEST_F(StoreFaults, SurvivesKillsOfTheFrontend) {
     const int64_t appended = progress_->appended;
     frontend.Kill();
     store.Signal(SIGCONT);
-    // The next life takes over: nothing that was appended is made again, so all of it must have been in outbox or store.
+    // The next life takes over: nothing that was appended is made again, so all of it must have been in outbox or
+    // store.
     progress_->acknowledged = -1;
     EXPECT_GE(progress_->appended, appended);
   }

@@ -77,7 +77,8 @@ TEST_F(StoreFiles, RefusesToShareAFileWithAnotherStore) {
   const int port = FreePort();
   TestProcess hub = StartHub(port, folder_.File("hub.txt"));
   TestProcess first = StartStore(db_, port, folder_.File("first.txt"));
-  ASSERT_TRUE(PollUntil([&] { return ReadWholeFile(folder_.File("first.txt")).find("keyframes") != std::string::npos; }, 10000));
+  ASSERT_TRUE(PollUntil([&] { return ReadWholeFile(folder_.File("first.txt")).find("keyframes") != std::string::npos; },
+                        10000));
   const TestOutput second =
       RunProgram({ProgramPath("submap_store"), "--db", db_, "--lcm-url", HubUrl(port)}, folder_.File("log.txt"));
   EXPECT_EQ(second.exit_code, 1);

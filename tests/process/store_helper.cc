@@ -14,7 +14,6 @@
 #include <csignal>
 #include <cstdlib>
 #include <fstream>
-#include <new>
 #include <sstream>
 #include <thread>
 
@@ -68,7 +67,9 @@ TestProcess::TestProcess(const std::function<void()>& body) {
 
 TestProcess::~TestProcess() { Kill(); }
 
-TestProcess::TestProcess(TestProcess&& other) noexcept : pid_(other.pid_), exit_code_(other.exit_code_) { other.pid_ = -1; }
+TestProcess::TestProcess(TestProcess&& other) noexcept : pid_(other.pid_), exit_code_(other.exit_code_) {
+  other.pid_ = -1;
+}
 
 TestProcess& TestProcess::operator=(TestProcess&& other) noexcept {
   Kill();
@@ -157,10 +158,11 @@ bool PollUntil(const std::function<bool()>& condition, int timeout_ms) {
   return true;
 }
 
-SharedProgress* MapSharedProgress() {
-  void* memory = mmap(nullptr, sizeof(SharedProgress), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-  return new (memory) SharedProgress;
+void* MapSharedMemory(size_t size) {
+  return mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
 }
+
+SharedProgress* MapSharedProgress() { return MapShared<SharedProgress>(); }
 
 void RunFrontend(const SyntheticStreamOptions& flight, int port, const std::string& outbox, int pause_us,
                  SharedProgress* progress) {

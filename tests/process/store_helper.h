@@ -3,6 +3,7 @@
 #include <sys/types.h>
 
 #include <functional>
+#include <new>
 #include <string>
 #include <vector>
 
@@ -60,9 +61,15 @@ struct SharedProgress {
   volatile bool store_reports_error = false;
 };
 SharedProgress* MapSharedProgress();
+// Memory that this process shares with those it forks; never freed.
+void* MapSharedMemory(size_t size);
+template <typename T>
+T* MapShared() {
+  return new (MapSharedMemory(sizeof(T))) T;
+}
 
-// The body of a frontend process: streams the synthetic flight through an outbox, from where that ends, waiting `pause_us` after each
-// record, until all is acknowledged.
+// The body of a frontend process: streams the synthetic flight through an outbox, from where that ends, waiting
+// `pause_us` after each record, until all is acknowledged.
 void RunFrontend(const SyntheticStreamOptions& flight, int port, const std::string& outbox, int pause_us,
                  SharedProgress* progress);
 

@@ -1,4 +1,7 @@
-// What merger and viewer rely on: every committed record once and in order, whatever dies meanwhile; requests over the real hub.
+// What merger and viewer rely on: every committed record once and in order, whatever dies meanwhile; requests over the
+// real hub.
+
+#include "libs/bus/stream_consumer.h"
 
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
@@ -12,7 +15,6 @@
 
 #include "libs/bus/codec.h"
 #include "libs/bus/store_client.h"
-#include "libs/bus/stream_consumer.h"
 #include "procs/submap_store/database.h"
 #include "tests/process/store_helper.h"
 #include "tests/scratch_folder.h"

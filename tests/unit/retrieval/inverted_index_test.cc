@@ -60,6 +60,68 @@ TEST(InvertedIndex, AgreesWithPairwiseScores) {
   }
 }
 
+// Leaving out early what shares too little must not change the answer: hits beyond the ratio, of the same bits.
+TEST(InvertedIndex, ARatioLeavesOutExactlyWhatLiesBelowIt) {
+  std::mt19937 rng(7);
+  InvertedIndex index;
+  for (int i = 0; i < 300; ++i) {
+    index.Add(RandomBow(&rng, 50 + static_cast<int>(rng() % 400), 800), {i % 3, i / 50, i, i});
+  }
+  for (int i = 0; i < 300; i += 9) index.Remove(i, 200);
+  const IndexScope scope = {.last_seq = {250, 280, 240},
+                            .session_rank = {2, 0, 1},
+                            .excluded_session = 1,
+                            .excluded_submap = 2,
+                            .excluded_handles = {4, 5, 6}};
+  for (int i = 0; i < 20; ++i) {
+    const BowVector query = RandomBow(&rng, 50 + static_cast<int>(rng() % 400), 800);
+    const auto all = index.Query(query, scope);
+    ASSERT_GT(all.size(), 100u);
+    const auto normalized = [&](const IndexHit& hit) {
+      return NormalizedCommonWords(hit.common_words, hit.num_words, query.Size());
+    };
+    double most = 0;
+    for (const IndexHit& hit : all) most = std::max(most, normalized(hit));
+    for (const double ratio : {0.3, 0.6, 0.8, 1.0}) {
+      std::vector<IndexHit> expected;
+      for (const IndexHit& hit : all) {
+        if (normalized(hit) >= ratio * most) expected.push_back(hit);
+      }
+      const auto hits = index.Query(query, scope, ratio);
+      ASSERT_EQ(hits.size(), expected.size());
+      for (size_t k = 0; k < hits.size(); ++k) {
+        EXPECT_EQ(hits[k].handle, expected[k].handle);
+        EXPECT_EQ(hits[k].common_words, expected[k].common_words);
+        EXPECT_EQ(hits[k].score, expected[k].score);
+      }
+    }
+  }
+}
+
+TEST(InvertedIndex, FindsKeyframesHoweverManyThereAre) {
+  constexpr int kMany = 20000;
+  std::mt19937 rng(11);
+  InvertedIndex index;
+  std::vector<BowVector> bows;
+  for (int i = 0; i < kMany; ++i) {
+    bows.push_back(RandomBow(&rng, 4, 40));
+    index.Add(bows.back(), {0, 0, i, i});
+  }
+  const BowVector query = RandomBow(&rng, 8, 40);
+  const auto hits = index.Query(query, {.last_seq = {kMany}});
+  size_t at = 0;
+  for (int i = 0; i < kMany; ++i) {
+    const int common_words = CountCommonWords(query, bows[i]);
+    if (common_words == 0) continue;
+    ASSERT_LT(at, hits.size());
+    ASSERT_EQ(hits[at].handle, i);
+    ASSERT_EQ(hits[at].common_words, common_words);
+    ASSERT_NEAR(hits[at++].score, BowScore(query, bows[i]), 1e-6);
+  }
+  EXPECT_EQ(at, hits.size());
+  EXPECT_GT(index.Bytes(), 0);
+}
+
 TEST(InvertedIndex, AnswersAsOfARecord) {
   InvertedIndex index;
   index.Add(Bow({1}), {0, 0, 0, 2});

@@ -15,8 +15,8 @@
 #include "procs/submap_store/schema.h"
 #include "procs/submap_store/sha256.h"
 #include "procs/submap_store/submap_store.h"
-#include "tests/synthetic_stream.h"
 #include "tests/scratch_folder.h"
+#include "tests/synthetic_stream.h"
 
 namespace mapmend {
 namespace {
@@ -85,7 +85,8 @@ TEST_F(DbFiles, OlderSchemasAreBroughtUpToDateWithoutLoss) {
         std::string columns;
         SQLite::Statement info(database, std::string("SELECT name FROM pragma_table_info('") + table + "')");
         while (info.executeStep()) columns += (columns.empty() ? "" : ", ") + info.getColumn(0).getString();
-        database.exec(std::string("INSERT INTO main.") + table + "(" + columns + ") SELECT " + columns + " FROM new." + table);
+        database.exec(std::string("INSERT INTO main.") + table + "(" + columns + ") SELECT " + columns + " FROM new." +
+                      table);
       }
       if (version >= 2) database.exec("UPDATE session SET is_derived = 0");
     }
@@ -133,7 +134,8 @@ TEST_F(DbFiles, AStrangerReadsItWithThePythonOfTheDocumentation) {
     for (const auto& [keyframe_id, keyframe] : content.keyframes) {
       ASSERT_TRUE(read.contains({"keyframe", keyframe_id.value}));
       const Eigen::Vector3d center = keyframe.cam_from_submap.Center();
-      for (int i = 0; i < 3; ++i) EXPECT_NEAR((read[{"keyframe", keyframe_id.value}][static_cast<size_t>(i)]), center[i], 1e-9);
+      for (int i = 0; i < 3; ++i)
+        EXPECT_NEAR((read[{"keyframe", keyframe_id.value}][static_cast<size_t>(i)]), center[i], 1e-9);
     }
     for (const auto& [point_id, point] : content.points) {
       ASSERT_TRUE(read.contains({"point", point_id.value}));

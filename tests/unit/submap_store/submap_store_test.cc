@@ -8,8 +8,8 @@
 #include "libs/bus/codec.h"
 #include "procs/submap_store/db_commands.h"
 #include "tests/mutate_message.h"
-#include "tests/synthetic_stream.h"
 #include "tests/scratch_folder.h"
+#include "tests/synthetic_stream.h"
 
 namespace mapmend {
 namespace {
@@ -232,7 +232,8 @@ TEST_F(SubmapStoreTest, QueryFindsTheSamePlaceInAnotherSubmap) {
   EXPECT_EQ(result.candidates[0].keyframe, 4);
 }
 
-// Whoever can reach the bus can send anything. The store goes on, what it stores fits together, and honest requests are answered.
+// Whoever can reach the bus can send anything. The store goes on, what it stores fits together, and honest requests are
+// answered.
 TEST_F(SubmapStoreTest, DamagedMessagesOfAllKindsDoNoHarm) {
   Open();
   options_.num_features = 20;
