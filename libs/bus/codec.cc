@@ -12,12 +12,13 @@
 
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
+#include "libs/retrieval/inverted_index.h"
 
 namespace mapmend {
 namespace {
 
 constexpr int kMaxOctave = 63;
-constexpr int kMaxFrames = 1 << 30;
+constexpr int kMaxFrame = 1 << 30;
 constexpr int kMaxId = 1 << 30;
 constexpr size_t kMaxText = 4096;         // characters of names and reasons
 constexpr size_t kMaxSettings = 1 << 20;  // characters of the settings
@@ -57,7 +58,7 @@ void RequireText(const std::string& text, size_t limit = kMaxText) {
 }
 
 RecordBody Decode(const session_t& m) {
-  Require(m.num_frames >= 0 && m.num_frames <= kMaxFrames, "num_frames is out of range");
+  Require(m.num_frames >= 0 && m.num_frames <= kMaxFrame + 1, "num_frames is out of range");
   if (m.event == session_t::ENDED) return SessionEnded{m.num_frames};
   Require(m.event == session_t::STARTED, "unknown event");
   SessionStarted body;
@@ -101,14 +102,14 @@ RecordBody Decode(const submap_t& m) {
   Require(m.event == submap_t::ENDED, "unknown event");
   RequireText(m.reason);
   RequireText(m.detail);
-  Require(m.last_frame >= -1, "last_frame is out of range");
+  Require(m.last_frame >= -1 && m.last_frame <= kMaxFrame, "last_frame is out of range");
   return SubmapEnded{SubmapId(m.submap), m.reason, m.detail, m.last_frame, m.last_utime};
 }
 
 RecordBody Decode(const keyframe_t& m) {
   Require(m.submap >= 0 && m.submap <= kMaxId && m.keyframe >= 0 && m.keyframe <= kMaxId,
           "submap or keyframe is out of range");
-  Require(m.frame >= -1, "frame is out of range");
+  Require(m.frame >= -1 && m.frame <= kMaxFrame, "frame is out of range");
   const auto n = static_cast<size_t>(m.num_features);
   Require(m.descriptors.size() == n * sizeof(Descriptor), "num_descriptor_bytes is not 32 * num_features");
   Require(m.colors.empty() || m.colors.size() == 3 * n, "num_color_bytes is not 3 * num_features");
@@ -136,6 +137,7 @@ RecordBody Decode(const keyframe_t& m) {
   int32_t previous = -1;
   for (size_t i = 0; i < m.bow_word.size(); ++i) {
     Require(m.bow_word[i] > previous, "bow_word does not ascend");
+    Require(m.bow_word[i] < InvertedIndex::kMaxWords, "bow_word is out of range");
     Require(std::isfinite(m.bow_weight[i]) && m.bow_weight[i] > 0 && m.bow_weight[i] < 1.001f, "bow_weight is out of range");
     previous = m.bow_word[i];
   }

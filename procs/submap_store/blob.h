@@ -26,16 +26,40 @@ std::vector<T> ReadBlob(const SQLite::Column& column) {
   return values;
 }
 
-// Ascending numbers as differences, each in LEB128 (7 bits a byte, low bits first): word ids take 1 to 2 bytes instead
-// of 4.
+// Appends a number in LEB128: 7 bits a byte, low bits first, the top bit set on all but the last byte.
+inline void PackNumber(uint32_t value, std::vector<uint8_t>* packed) {
+  for (; value >= 0x80; value >>= 7) packed->push_back(static_cast<uint8_t>(value | 0x80));
+  packed->push_back(static_cast<uint8_t>(value));
+}
+
+// Ascending numbers as differences: word ids take 1 to 2 bytes instead of 4.
 inline std::vector<uint8_t> PackAscending(const std::vector<int32_t>& values) {
   std::vector<uint8_t> packed;
   int32_t previous = 0;
   for (const int32_t value : values) {
-    auto difference = static_cast<uint32_t>(value - previous);
+    PackNumber(static_cast<uint32_t>(value - previous), &packed);
     previous = value;
-    for (; difference >= 0x80; difference >>= 7) packed.push_back(static_cast<uint8_t>(difference | 0x80));
-    packed.push_back(static_cast<uint8_t>(difference));
+  }
+  return packed;
+}
+
+// What each feature observes (-1: nothing), about half of them something: for each of those how many features come
+// between the one before and it, then the difference of the map point's id from the one before, zigzag (0, -1, 1, -2,
+// ...: 0, 1, 2, 3, ...).
+inline std::vector<uint8_t> PackObservations(const std::vector<int32_t>& points) {
+  std::vector<uint8_t> packed;
+  uint32_t skipped = 0;
+  int32_t previous = 0;
+  for (const int32_t point : points) {
+    if (point < 0) {
+      ++skipped;
+      continue;
+    }
+    const int32_t difference = point - previous;
+    PackNumber(skipped, &packed);
+    PackNumber(static_cast<uint32_t>(difference) << 1 ^ static_cast<uint32_t>(difference >> 31), &packed);
+    skipped = 0;
+    previous = point;
   }
   return packed;
 }

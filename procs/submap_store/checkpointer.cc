@@ -13,36 +13,58 @@ namespace {
 // that far: beyond this size one commit has to wait for it.
 constexpr uintmax_t kMaxWalBytes = 32 << 20;
 constexpr int kBusyTimeoutMs = 1000;
+constexpr auto kMaxWait = std::chrono::seconds(1);  // for a commit to begin after
+
+void Checkpoint(SQLite::Database* database, const std::string& path) {
+  // Busy or out of room: what is committed is safe in the log, the next one will do.
+  database->tryExec("PRAGMA wal_checkpoint(PASSIVE)");
+  std::error_code ignored;
+  const uintmax_t wal_bytes = std::filesystem::file_size(path + "-wal", ignored);
+  if (!ignored && wal_bytes > kMaxWalBytes) database->tryExec("PRAGMA wal_checkpoint(TRUNCATE)");
+}
 
 }  // namespace
 
-Checkpointer::Checkpointer(const std::string& path, int interval_ms) {
-  thread_ = std::thread([this, path, interval_ms] {
-    try {
-      SQLite::Database database(path, SQLite::OPEN_READWRITE, kBusyTimeoutMs);
-      database.exec("PRAGMA wal_autocheckpoint = 0");
-      database.exec("PRAGMA synchronous = FULL");
-      auto next = std::chrono::steady_clock::now();
-      while (!stop_) {
-        if (std::chrono::steady_clock::now() >= next) {
-          // Busy or out of room: what is committed is safe in the log, the next one will do.
-          std::error_code ignored;
-          const uintmax_t wal_bytes = std::filesystem::file_size(path + "-wal", ignored);
-          const bool is_large = !ignored && wal_bytes > kMaxWalBytes;
-          database.tryExec(is_large ? "PRAGMA wal_checkpoint(TRUNCATE)" : "PRAGMA wal_checkpoint(PASSIVE)");
-          next = std::chrono::steady_clock::now() + std::chrono::milliseconds(interval_ms);
-        }
-        std::this_thread::sleep_for(std::chrono::milliseconds(20));
-      }
-    } catch (const std::exception& e) {
-      spdlog::error("checkpoints of {}: {}", path, e.what());
-    }
-  });
-}
+Checkpointer::Checkpointer(const std::string& path, int interval_ms)
+    : thread_([this, path, interval_ms] { Run(path, interval_ms); }) {}
 
 Checkpointer::~Checkpointer() {
-  stop_ = true;
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  wake_.notify_one();
   thread_.join();
+}
+
+void Checkpointer::OnCommit() {
+  {
+    const std::lock_guard lock(mutex_);
+    is_dirty_ = is_fresh_ = true;
+  }
+  wake_.notify_one();
+}
+
+void Checkpointer::Run(const std::string& path, int interval_ms) {
+  try {
+    SQLite::Database database(path, SQLite::OPEN_READWRITE, kBusyTimeoutMs);
+    database.exec("PRAGMA wal_autocheckpoint = 0");
+    database.exec("PRAGMA synchronous = FULL");
+    std::unique_lock lock(mutex_);
+    for (;;) {
+      wake_.wait(lock, [this] { return stop_ || is_dirty_; });
+      wake_.wait_for(lock, kMaxWait, [this] { return stop_ || is_fresh_; });
+      if (stop_) return;
+      is_dirty_ = false;
+      lock.unlock();
+      Checkpoint(&database, path);
+      lock.lock();
+      wake_.wait_for(lock, std::chrono::milliseconds(interval_ms), [this] { return stop_; });
+      is_fresh_ = false;
+    }
+  } catch (const std::exception& e) {
+    spdlog::error("checkpoints of {}: {}", path, e.what());
+  }
 }
 
 }  // namespace mapmend

@@ -1,5 +1,7 @@
 #include "procs/submap_store/database.h"
 
+#include <sqlite3.h>
+
 #include <stdexcept>
 
 #include "procs/submap_store/blob.h"
@@ -46,6 +48,15 @@ Database::Database(const std::string& path, Mode mode)
   // A second connection checkpoints (Checkpointer): done inside commits it makes some of them wait for half a second.
   sql_->exec("PRAGMA wal_autocheckpoint = 0");
   Migrate(sql_.get());
+}
+
+void Database::SetCommitHook(std::function<void()> hook) {
+  commit_hook_ = std::move(hook);
+  const auto call = [](void* self, sqlite3*, const char*, int) {
+    static_cast<Database*>(self)->commit_hook_();
+    return SQLITE_OK;
+  };
+  sqlite3_wal_hook(sql_->getHandle(), call, this);
 }
 
 Database::Use Database::Prepare(const std::string& sql) {

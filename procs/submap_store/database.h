@@ -41,6 +41,9 @@ class Database {
   const std::string& Path() const { return path_; }
   SQLite::Database& Sql() { return *sql_; }
 
+  // Calls hook after each commit of this connection.
+  void SetCommitHook(std::function<void()> hook);
+
   // A prepared statement, made once; reset when the Use goes, so that no read transaction stays open.
   class Use {
    public:
@@ -71,6 +74,7 @@ class Database {
   std::string path_;
   FileGuard guard_;
   std::unique_ptr<SQLite::Database> sql_;
+  std::function<void()> commit_hook_;
   std::map<std::string, std::unique_ptr<SQLite::Statement>> statements_;
 };
 

@@ -72,8 +72,8 @@ void PrintDbInfo(const std::string& path) {
     }
   }
   for (const edge_decision_t& d : EdgeDecisions(&database).All()) {
-    std::printf("decision: connection of submap %d of %s and submap %d of %s %s\n", d.submap_a, d.session_a.c_str(), d.submap_b,
-                d.session_b.c_str(), d.disabled != 0 ? "switched off" : "left to the merger again");
+    std::printf("decision: connection of submap %d of %s and submap %d of %s %s\n", d.submap_a, d.session_a.c_str(),
+                d.submap_b, d.session_b.c_str(), d.disabled != 0 ? "switched off" : "left to the merger again");
   }
   PrintSizes(&database);
 }

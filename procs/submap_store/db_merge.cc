@@ -61,7 +61,8 @@ void CopyEdgeDecisions(SQLite::Database* out, const std::string& path) {
   attach.bind(1, path);
   attach.exec();
   const std::string columns = "session_a, submap_a, session_b, submap_b, disabled";
-  out->exec("INSERT INTO main.edge_decision(" + columns + ") SELECT " + columns + " FROM source.edge_decision ORDER BY number");
+  out->exec("INSERT INTO main.edge_decision(" + columns + ") SELECT " + columns +
+            " FROM source.edge_decision ORDER BY number");
   out->exec("DETACH DATABASE source");
 }
 

@@ -122,12 +122,13 @@ void GeometryWriter::WriteKeyframe(Database* database, const SubmapKeyframe& key
   for (const MapPointId id : keyframe.map_points) points.push_back(id.value);
   for (const KeyframeId id : CovisibleKeyframes(submap_, keyframe.id)) covisible.push_back(id.value);
   Database::Use insert = database->Prepare(
-      "INSERT OR REPLACE INTO keyframe_geometry(session, keyframe, cam_from_submap, map_points, covisible) "
+      "INSERT OR REPLACE INTO keyframe_geometry(session, keyframe, cam_from_submap, observations, covisible) "
       "VALUES(?, ?, ?, ?, ?)");
   insert->bind(1, session_);
   insert->bind(2, keyframe.id.value);
   insert->bindNoCopy(3, pose.data(), static_cast<int>(sizeof(pose)));
-  BindBlob(insert.get(), 4, points);
+  const std::vector<uint8_t> observations = PackObservations(points);
+  BindBlob(insert.get(), 4, observations);
   BindBlob(insert.get(), 5, covisible);
   insert->exec();
 }

@@ -21,7 +21,8 @@ bool IsSamePair(const edge_decision_t& l, const edge_decision_t& r) {
 
 std::vector<edge_decision_t> EdgeDecisions::All() {
   std::vector<edge_decision_t> all;
-  auto rows = database_->Prepare("SELECT session_a, submap_a, session_b, submap_b, disabled FROM edge_decision ORDER BY number");
+  auto rows = database_->Prepare(
+      "SELECT session_a, submap_a, session_b, submap_b, disabled FROM edge_decision ORDER BY number");
   while (rows->executeStep()) {
     edge_decision_t decision{};
     decision.session_a = rows->getColumn(0).getString();

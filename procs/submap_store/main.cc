@@ -3,7 +3,6 @@
 #include <spdlog/spdlog.h>
 
 #include "libs/bus/process.h"
-#include "procs/submap_store/checkpointer.h"
 #include "procs/submap_store/db_commands.h"
 #include "procs/submap_store/store_adapter.h"
 
@@ -27,7 +26,6 @@ int Main(int argc, char** argv) {
 
   InstallSignalHandlers();
   SubmapStore store(options);
-  Checkpointer checkpointer(options.path);
   Bus bus(ResolveLcmUrl(process.lcm_url), process.channel_prefix);
   StoreAdapter adapter(&bus, &store);
   spdlog::info("submap_store: {} with {} keyframes", options.path, store.GetStatus(0).keyframes);

@@ -156,6 +156,12 @@ CREATE TABLE edge_decision(
   disabled INTEGER NOT NULL
 );
 )sql",
+    // 5: observations take two bytes instead of four a feature; the store writes them anew when it opens the file.
+    R"sql(
+DELETE FROM keyframe_geometry;
+ALTER TABLE keyframe_geometry RENAME COLUMN map_points TO observations;
+UPDATE submap SET has_geometry = 0;
+)sql",
 };
 
 }  // namespace

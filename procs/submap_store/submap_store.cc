@@ -39,6 +39,7 @@ Session MakeStub(const SessionRow& row) {
 
 std::string SubmapStoreOptions::Check() const {
   if (path.empty()) return "no database file is given";
+  if (checkpoint_interval_ms <= 0) return "checkpoint_interval_ms must be positive";
   if (retry_ms <= 0) return "retry_ms must be positive";
   return "";
 }
@@ -50,7 +51,9 @@ SubmapStore::SubmapStore(const SubmapStoreOptions& options)
       search_(&database_),
       revisions_(&database_),
       edge_decisions_(&database_),
+      checkpointer_(options.path, options.checkpoint_interval_ms),
       vocabulary_hash_(options.vocabulary_hash) {
+  database_.SetCommitHook([this] { checkpointer_.OnCommit(); });
   for (const SessionRow& row : database_.Sessions()) {
     if (vocabulary_hash_.empty()) vocabulary_hash_ = row.vocabulary_hash;
     if (row.vocabulary_hash != vocabulary_hash_) {

@@ -14,6 +14,7 @@
 #include <string>
 
 #include "procs/submap_store/bow_search.h"
+#include "procs/submap_store/checkpointer.h"
 #include "procs/submap_store/database.h"
 #include "procs/submap_store/derived_tables.h"
 #include "procs/submap_store/edge_decisions.h"
@@ -26,6 +27,7 @@ struct SubmapStoreOptions {
   std::string path;
   std::string vocabulary_hash;  // sessions with another one are refused; empty: that of the first session in the file
   SessionLogOptions log;
+  int checkpoint_interval_ms = 200;
   int64_t retry_ms = 250;  // after a failed commit, e.g. on a full disk
 
   std::string Check() const;
@@ -88,6 +90,7 @@ class SubmapStore {
   BowSearch search_;
   RevisionStore revisions_;
   EdgeDecisions edge_decisions_;
+  Checkpointer checkpointer_;
   std::map<std::string, std::unique_ptr<SessionState>> sessions_;
   std::deque<GeometryWriter> geometry_;  // submaps that have ended
   std::string vocabulary_hash_, error_;

@@ -8,6 +8,7 @@
 
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
+#include "libs/retrieval/inverted_index.h"
 #include "tests/synthetic_stream.h"
 
 namespace mapmend {
@@ -75,6 +76,10 @@ TEST(Codec, RefusesWhatNoFrontendSends) {
   EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->y[0] = std::numeric_limits<float>::infinity(); }).find("finite"),
             std::string::npos);
   EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { std::swap(m->bow_word[0], m->bow_word[1]); }).find("ascend"),
+            std::string::npos);
+  EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->bow_word.back() = InvertedIndex::kMaxWords; }).find("range"),
+            std::string::npos);
+  EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->frame = std::numeric_limits<int32_t>::max(); }).find("range"),
             std::string::npos);
   EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->header.seq = -5; }).find("seq"), std::string::npos);
   EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->header.session = "../etc"; }).find("session"), std::string::npos);

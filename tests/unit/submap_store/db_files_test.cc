@@ -11,6 +11,7 @@
 #include "libs/bus/codec.h"
 #include "mapmend/revision_part_t.hpp"
 #include "mapmend/revision_t.hpp"
+#include "procs/submap_store/blob.h"
 #include "procs/submap_store/db_commands.h"
 #include "procs/submap_store/schema.h"
 #include "procs/submap_store/sha256.h"
@@ -98,6 +99,70 @@ TEST_F(DbFiles, OlderSchemasAreBroughtUpToDateWithoutLoss) {
       const std::string sql = std::string("SELECT count(*) FROM ") + table;
       EXPECT_EQ(Count(old, sql), Count(db_, sql)) << table;
       EXPECT_GT(Count(old, sql), 0) << table;
+    }
+  }
+}
+
+// As a program of schema 3 left it: whole, with an array of map points per keyframe.
+TEST_F(DbFiles, ObservationsOfSchema3ArePacked) {
+  Fill(db_, Flight("a"));
+  const std::string old = folder_.File("v3.db");
+  {
+    SQLite::Database database(old, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    database.exec("PRAGMA application_id = " + std::to_string(kApplicationId));
+    Migrate(&database, 3);
+    database.exec("ATTACH DATABASE '" + db_ + "' AS new");
+    for (const char* table : {"session", "record", "submap", "keyframe", "keyframe_bow", "map_points"}) {
+      database.exec(std::string("INSERT INTO main.") + table + " SELECT * FROM new." + table);
+    }
+    database.exec(
+        "INSERT INTO main.keyframe_geometry SELECT session, keyframe, cam_from_submap, zeroblob(400), covisible "
+        "FROM new.keyframe_geometry");
+  }
+  CompactDb(old);
+  EXPECT_TRUE(CheckDb(old).empty());
+  EXPECT_EQ(HashDb(old).stream, HashDb(db_).stream);
+  const auto geometry = [](const std::string& path) {
+    std::vector<std::vector<uint8_t>> blobs;
+    SQLite::Database database(path, SQLite::OPEN_READONLY);
+    SQLite::Statement rows(database,
+                           "SELECT cam_from_submap, observations, covisible FROM keyframe_geometry ORDER BY 1");
+    while (rows.executeStep()) {
+      for (int i = 0; i < 3; ++i) blobs.push_back(ReadBlob<uint8_t>(rows.getColumn(i)));
+    }
+    return blobs;
+  };
+  EXPECT_FALSE(geometry(db_).empty());
+  EXPECT_EQ(geometry(old), geometry(db_));
+  EXPECT_EQ(Count(old, "SELECT count(*) FROM submap WHERE has_geometry"), 2);
+}
+
+// Read as docs/file_formats.md says.
+TEST_F(DbFiles, ObservationsSayWhatEachFeatureObserves) {
+  Fill(db_, Flight("a"));
+  Session model;
+  for (const Record& record : MakeSyntheticStream(Flight("a"))) ASSERT_EQ(model.Apply(record), "");
+  SQLite::Database database(db_, SQLite::OPEN_READONLY);
+  for (const auto& [submap_id, submap] : model.submaps) {
+    for (const auto& [id, keyframe] : submap.keyframes) {
+      SQLite::Statement row(database, "SELECT observations FROM keyframe_geometry WHERE keyframe = ?");
+      row.bind(1, id.value);
+      ASSERT_TRUE(row.executeStep());
+      std::vector<int64_t> numbers(1, 0);
+      int shift = 0;
+      for (const uint8_t byte : ReadBlob<uint8_t>(row.getColumn(0))) {
+        numbers.back() |= static_cast<int64_t>(byte & 127) << shift;
+        shift = byte & 128 ? shift + 7 : 0;
+        if (shift == 0) numbers.push_back(0);
+      }
+      std::vector<MapPointId> points(keyframe.map_points.size());
+      int64_t feature = -1, point = 0;
+      for (size_t i = 0; i + 1 < numbers.size(); i += 2) {
+        feature += numbers[i] + 1;
+        point += numbers[i + 1] & 1 ? -(numbers[i + 1] + 1) / 2 : numbers[i + 1] / 2;
+        points.at(static_cast<size_t>(feature)) = MapPointId(static_cast<int32_t>(point));
+      }
+      EXPECT_EQ(points, keyframe.map_points);
     }
   }
 }
