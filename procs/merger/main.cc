@@ -8,6 +8,10 @@ int Run(int argc, char** argv) {
   mapmend::AddProcessOptions(&app, &options.process);
   app.add_option("--vocabulary", options.vocabulary, "vocabulary file; sessions made with another one are refused");
   app.add_option("--seed", options.seed, "seed of every random choice")->capture_default_str();
+  app.add_option("--cache-keyframes", options.max_cached_keyframes,
+                 "keyframes held complete in memory; the bulk of the others is read from the store when needed")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   mapmend::ApplyLogLevel(options.process);
   return mapmend::RunMergerProcess(options);

@@ -1,6 +1,7 @@
 #include "procs/merger/merger.h"
 
 #include <algorithm>
+#include <limits>
 #include <tuple>
 
 namespace mapmend {
@@ -62,18 +63,29 @@ std::string MergerOptions::Check() const {
   if (const std::string e = cycles.Check(); !e.empty()) return "cycles: " + e;
   if (const std::string e = refinement.Check(); !e.empty()) return "refinement: " + e;
   if (const std::string e = live_refinement.Check(); !e.empty()) return "live_refinement: " + e;
+  if (max_cached_keyframes < 4 * connected_frames.window_size) return "the cache must hold the keyframes of two windows, twice";
   if (max_proposals < 1 || max_verified_per_submap < 1 || max_accepted_per_submap < 1 || max_evidence < 1) {
     return "the limits must be positive";
   }
   return "";
 }
 
-Merger::Merger(const MergerOptions& options, BowSource* bow, MergerOutput* output)
-    : options_(options), bow_(bow), output_(output) {}
+Merger::Merger(const MergerOptions& options, BowSource* bow, MergerOutput* output, KeyframeSource* keyframes)
+    : options_(options),
+      bow_(bow),
+      output_(output),
+      cache_(keyframes ? options.max_cached_keyframes : std::numeric_limits<int>::max(), keyframes, &sessions_) {}
 
 SubmapView Merger::View(const SubmapKey& key) const {
   const Session& session = sessions_.at(key.session);
   return {&session.submaps.at(key.submap), session.info.pinhole, session.info.pyramid};
+}
+
+ConnectedFrames Merger::Verify(const SubmapKey& a, KeyframeId keyframe_a, const SubmapKey& b, KeyframeId keyframe_b) {
+  const SubmapView view_a = View(a), view_b = View(b);
+  cache_.Load(a, LocalWindow(*view_a.submap, keyframe_a, options_.connected_frames.window_size));
+  cache_.Load(b, LocalWindow(*view_b.submap, keyframe_b, options_.connected_frames.window_size));
+  return VerifyConnectedFrames(view_a, keyframe_a, view_b, keyframe_b, options_.connected_frames);
 }
 
 bool Merger::IsOlder(const SubmapKey& l, const SubmapKey& r) const {
@@ -119,6 +131,7 @@ std::string Merger::Consume(const Record& record) {
   complete_ = false;
   std::set<PairKey> evaluated;
   if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body)) {
+    cache_.Add({id, keyframe->submap}, keyframe->keyframe);
     pending_[id].push_back({keyframe->submap, keyframe->keyframe});
   } else if (std::holds_alternative<MapUpdate>(record.body)) {
     if (!pending_[id].empty()) {
@@ -172,8 +185,7 @@ void Merger::Evaluate(const std::string& session, SubmapId submap, KeyframeId ke
     if (other == query) {
       // Loop closure within the submap: once for the two keyframes, the older first.
       if (proposal.keyframe > keyframe) continue;
-      Loop loop{query, VerifyConnectedFrames(View(query), proposal.keyframe, View(query), keyframe,
-                                             options_.connected_frames)};
+      Loop loop{query, Verify(query, proposal.keyframe, query, keyframe)};
       if (!loop.frames.success) continue;
       ++accepted;
       loops_.push_back(std::move(loop));
@@ -194,8 +206,7 @@ void Merger::Evaluate(const std::string& session, SubmapId submap, KeyframeId ke
       ++accepted;
       continue;
     }
-    ConnectedFrames frames =
-        VerifyConnectedFrames(View(pair.first), keyframe_a, View(pair.second), keyframe_b, options_.connected_frames);
+    ConnectedFrames frames = Verify(pair.first, keyframe_a, pair.second, keyframe_b);
     ++connection.num_candidates;
     evaluated->insert(pair);
     if (frames.success) {
@@ -342,98 +353,6 @@ void Merger::Complete() {
   }
   complete_ = true;
   Update(evaluated, true);
-}
-
-std::set<Merger::PairKey> Merger::TreePairs() const {
-  std::set<PairKey> pairs;
-  for (const auto& [pair, connection] : connections_) {
-    if (connection.in_tree) pairs.insert(pair);
-  }
-  return pairs;
-}
-
-int Merger::NumJoinedKeyframes() const {
-  std::set<SubmapKey> joined;
-  for (const PairKey& pair : TreePairs()) joined.insert({pair.first, pair.second});
-  int num_keyframes = 0;
-  for (const SubmapKey& key : joined) num_keyframes += static_cast<int>(View(key).submap->keyframes.size());
-  return num_keyframes;
-}
-
-bool Merger::RefinementIsDue() const {
-  if (complete_) return !transforms_.is_final || transforms_.revision < 2 * (num_records_ + num_decisions_) + 1;
-  if (sessions_.empty() || AllEnded()) return false;
-  const int num_keyframes = NumJoinedKeyframes();
-  if (num_keyframes == 0 || num_keyframes > options_.max_live_keyframes) return false;
-  return TreePairs() != live_task_.tree || num_keyframes >= options_.live_growth * live_task_.num_keyframes;
-}
-
-RefinementTask Merger::MakeRefinement() {
-  RefinementTask task;
-  task.state = state_;
-  task.is_final = complete_ && AllEnded();
-  task.options = complete_ ? options_.refinement : options_.live_refinement;
-  task.transforms = PlaceSubmaps();
-  live_task_ = {{}, {}, TreePairs(), NumJoinedKeyframes()};
-  std::map<SubmapKey, int> index;
-  for (const MergedTransforms::Place& place : task.transforms.submaps) {
-    index[place.key] = static_cast<int>(task.parts.size());
-    const SubmapView view = View(place.key);
-    task.parts.push_back({*view.submap, view.camera, view.pyramid});
-    for (auto& [id, keyframe] : task.parts.back().submap.keyframes) {  // words have done their work
-      keyframe.words.clear();
-      keyframe.nodes.clear();
-      keyframe.bow = {};
-    }
-  }
-  for (const auto& [pair, connection] : connections_) {
-    if (connection.verdict != Connection::Verdict::kAccepted) continue;
-    live_task_.pairs.insert(pair);
-    for (size_t i = 0; i < connection.evidence.size(); ++i) {
-      const ConnectedFrames& e = connection.evidence[i];
-      if (connection.agrees[i]) {
-        task.links.push_back({index.at(pair.first), index.at(pair.second), e.keyframe_a, e.keyframe_b, e.b_from_a});
-      }
-    }
-  }
-  for (const Loop& loop : loops_) {
-    const int s = index.at(loop.submap);
-    task.links.push_back({s, s, loop.frames.keyframe_a, loop.frames.keyframe_b, loop.frames.b_from_a});
-  }
-  return task;
-}
-
-bool Merger::TakeRefinement(const RefinementOutcome& outcome) {
-  const int64_t number = 2 * (num_records_ + num_decisions_) + 1;
-  MergedTransforms refined;
-  if (outcome.is_final) {
-    if (outcome.state != state_) return false;
-    refined = outcome.transforms;
-    refined.is_final = true;
-  } else {
-    // The final revision will have the number that a revision made now would get.
-    if (complete_ || AllEnded() || number <= transforms_.revision) return false;
-    for (const PairKey& pair : live_task_.pairs) {
-      const auto it = connections_.find(pair);
-      if (it == connections_.end() || it->second.verdict != Connection::Verdict::kAccepted) return false;
-    }
-    live_ = live_task_;
-    for (const MergedTransforms::Place& place : outcome.transforms.submaps) {
-      live_.places[place.key] = {place.component, place.root_from_submap};
-    }
-    refined = PlaceSubmaps();
-  }
-  refined.revision = number;
-  refined.cursors = Cursors();
-  refined.refined = true;
-  transforms_ = refined;
-  output_->OnRevision(refined, connections(), outcome.submaps);
-  return true;
-}
-
-void Merger::Finalize() {
-  Complete();
-  TakeRefinement(RunRefinement(MakeRefinement(), [&](const std::string& what) { output_->OnProgress(what); }));
 }
 
 std::vector<Connection> Merger::connections() const {

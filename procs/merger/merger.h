@@ -8,6 +8,7 @@
 
 #include "procs/merger/connection.h"
 #include "procs/merger/cycle_consistency.h"
+#include "procs/merger/keyframe_cache.h"
 #include "procs/merger/merged_revision.h"
 #include "procs/merger/merged_transforms.h"
 #include "procs/merger/refinement_task.h"
@@ -64,6 +65,7 @@ struct MergerOptions {
   int max_evaluated_again = 30;      // keyframes of an ended submap without a connection that are asked once more
   double live_growth = 1.5;          // refined anew when so many times the keyframes are joined, or the tree is another one
   int max_live_keyframes = 600;      // larger maps are refined at the end only
+  int max_cached_keyframes = 500;    // held complete; of the others the bulk is read again when needed (keyframe_cache.h)
 
   std::string Check() const;
 };
@@ -80,7 +82,8 @@ struct EdgeDecision {
 // A keyframe is evaluated when the map update that follows it has brought its map points; at the latest at the end of its submap.
 class Merger {
  public:
-  Merger(const MergerOptions& options, BowSource* bow, MergerOutput* output);
+  // keyframes: where to read what the cache does not hold; null: everything is held.
+  Merger(const MergerOptions& options, BowSource* bow, MergerOutput* output, KeyframeSource* keyframes = nullptr);
 
   // The next record of its session. Returns an empty string, or why the record was refused.
   std::string Consume(const Record& record);
@@ -96,7 +99,7 @@ class Merger {
   // Whether the merged map would gain by a refinement: the final one after Complete; before it, when the tree of a joined map
   // has changed or the map has grown.
   bool RefinementIsDue() const;
-  // The refinement that is due, to be run anywhere.
+  // The refinement that is due, to be run anywhere. Reads what the cache does not hold.
   RefinementTask MakeRefinement();
   // Takes in its result and announces the revision. False if the map has changed too much meanwhile: another one is due then.
   bool TakeRefinement(const RefinementOutcome& outcome);
@@ -106,6 +109,7 @@ class Merger {
 
   const std::map<std::string, Session>& sessions() const { return sessions_; }
   std::vector<Connection> connections() const;
+  const KeyframeCache& keyframe_cache() const { return cache_; }
   const MergedTransforms& transforms() const { return transforms_; }
   int num_connections() const { return static_cast<int>(connections_.size()); }
   int num_decisions() const { return num_decisions_; }
@@ -129,6 +133,8 @@ class Merger {
   };
 
   SubmapView View(const SubmapKey& key) const;
+  // VerifyConnectedFrames with all the keyframes that it looks at complete.
+  ConnectedFrames Verify(const SubmapKey& a, KeyframeId keyframe_a, const SubmapKey& b, KeyframeId keyframe_b);
   bool IsOlder(const SubmapKey& l, const SubmapKey& r) const;
   std::vector<SubmapKey> OrderedSubmaps() const;
   std::vector<MergerCursor> Cursors() const;
@@ -152,6 +158,7 @@ class Merger {
   BowSource* bow_;
   MergerOutput* output_;
   std::map<std::string, Session> sessions_;
+  KeyframeCache cache_;
   int64_t num_records_ = 0;
   int64_t state_ = 0;                  // counts everything that can change the map
   struct Pending {

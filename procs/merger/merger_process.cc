@@ -8,6 +8,8 @@
 #include <mapmend/bow_query_t.hpp>
 #include <mapmend/bow_result_t.hpp>
 #include <mapmend/edge_decisions_t.hpp>
+#include <mapmend/fetch_t.hpp>
+#include <mapmend/fetched_t.hpp>
 #include <mapmend/graph_request_t.hpp>
 #include <mapmend/graph_t.hpp>
 #include <optional>
@@ -60,6 +62,33 @@ class StoreBowSource : public BowSource {
         return proposals;
       }
       // Going on without an answer would make the map depend on the outage: wait for the store.
+      if (StopRequested()) throw std::runtime_error("stopped while waiting for the store");
+      spdlog::warn("merger: the store does not answer, trying again");
+    }
+  }
+
+ private:
+  StoreClient* client_;
+};
+
+class StoreKeyframeSource : public KeyframeSource {
+ public:
+  explicit StoreKeyframeSource(StoreClient* client) : client_(client) {}
+
+  KeyframeRecord Read(const std::string& session, int64_t seq) override {
+    fetch_t request{};
+    request.session = session;
+    request.first_seq = request.last_seq = seq;
+    request.max_bytes = 1;  // at least one record is sent
+    for (;;) {
+      const std::optional<fetched_t> reply = client_->Fetch(request);
+      if (reply && reply->status == fetched_t::OK && reply->num_records == 1 && reply->seq[0] == seq) {
+        DecodedRecord decoded = DecodeRecord(reply->channel[0], reply->data.data(), reply->size[0]);
+        if (auto* keyframe = decoded.record ? std::get_if<KeyframeRecord>(&decoded.record->body) : nullptr) {
+          return std::move(*keyframe);
+        }
+        throw std::runtime_error("the store has no keyframe under record " + std::to_string(seq) + " of session " + session);
+      }
       if (StopRequested()) throw std::runtime_error("stopped while waiting for the store");
       spdlog::warn("merger: the store does not answer, trying again");
     }
@@ -133,8 +162,9 @@ class MergerLoop {
         health_(bus, "merger"),
         client_(bus, "merger-" + std::to_string(getpid())),
         bow_(&client_),
+        keyframes_(&client_),
         output_(bus, &client_, &health_, &latency_),
-        merger_(merger_options, &bow_, &output_),
+        merger_(merger_options, &bow_, &output_, &keyframes_),
         consumer_(bus, &client_, [this](const Record& record) { OnRecord(record); }) {
     bus->Subscribe<edge_decisions_t>(channels::kEdgeDecisions, Delivery::kKeepAll,
                                      [this](const edge_decisions_t& decisions) { OnDecisions(decisions); });
@@ -272,6 +302,8 @@ class MergerLoop {
     health_.SetCounter("connections", merger_.num_connections());
     health_.SetCounter("edges_accepted", merger_.num_accepted());
     health_.SetCounter("components", merger_.num_components());
+    health_.SetCounter("keyframes_cached", merger_.keyframe_cache().num_loaded());
+    health_.SetCounter("keyframes_read", static_cast<double>(merger_.keyframe_cache().num_reads()));
     health_.SetCounter("refused", static_cast<double>(num_refused_ + consumer_.NumRefused()));
     if (completed_at_ == NumDelivered() && merger_.IsFinal() && !merger_.RefinementIsDue()) health_.SetState("done");
     health_.Tick();
@@ -283,6 +315,7 @@ class MergerLoop {
   HealthReporter health_;
   StoreClient client_;
   StoreBowSource bow_;
+  StoreKeyframeSource keyframes_;
   LatencyMeter latency_;
   BusOutput output_;
   Merger merger_;
@@ -303,6 +336,7 @@ class MergerLoop {
 int RunMergerProcess(const MergerProcessOptions& options) {
   MergerOptions merger_options;
   merger_options.connected_frames.ransac.seed = options.seed;
+  merger_options.max_cached_keyframes = options.max_cached_keyframes;
   if (const std::string error = merger_options.Check(); !error.empty()) throw std::runtime_error(error);
   std::string vocabulary_hash;
   if (!options.vocabulary.empty()) vocabulary_hash = Vocabulary::Read(options.vocabulary).Hash();

@@ -11,6 +11,7 @@ struct MergerProcessOptions {
   ProcessOptions process;
   std::string vocabulary;  // path; empty: sessions' vocabularies are not checked
   uint64_t seed = 1;
+  int max_cached_keyframes = 500;
 };
 
 // Runs the merger on the bus until a signal. Returns the exit code. Throws std::runtime_error with one line on trouble.

@@ -406,6 +406,42 @@ TEST(Merger, AConnectionIsEstimatedAnewFromAllItsEvidenceAsItsSubmapsGrow) {
   }
 }
 
+TEST(Merger, TheMapIsTheSameHoweverFewKeyframesAreHeld) {
+  struct RecordSource : KeyframeSource {
+    explicit RecordSource(const std::vector<Record>& all) : records(all) {}
+    KeyframeRecord Read(const std::string&, int64_t seq) override { return std::get<KeyframeRecord>(records.at(seq).body); }
+    const std::vector<Record>& records;
+  };
+  const SyntheticFlight flight = ThreeCrossingStrips();
+  Recorder all, few;
+  {
+    BruteForceBow bow(flight.records());
+    Merger merger({}, &bow, &all);
+    for (const Record& r : flight.records()) ASSERT_EQ(merger.Consume(r), "");
+    merger.Finalize();
+    EXPECT_EQ(merger.keyframe_cache().num_loaded(), 28);
+    EXPECT_EQ(merger.keyframe_cache().num_reads(), 0);
+  }
+  BruteForceBow bow(flight.records());
+  RecordSource source(flight.records());
+  MergerOptions options;
+  options.max_cached_keyframes = 24;
+  ASSERT_EQ(options.Check(), "");
+  Merger merger(options, &bow, &few, &source);
+  for (const Record& r : flight.records()) {
+    ASSERT_EQ(merger.Consume(r), "");
+    EXPECT_LE(merger.keyframe_cache().num_loaded(), 24);
+  }
+  merger.Finalize();
+  EXPECT_GT(merger.keyframe_cache().num_reads(), 4);
+  int complete = 0;
+  for (const auto& [id, submap] : merger.sessions().begin()->second.submaps) {
+    for (const auto& [k, keyframe] : submap.keyframes) complete += !keyframe.features.descriptors.empty();
+  }
+  EXPECT_EQ(complete, 24);
+  EXPECT_EQ(Digest(few), Digest(all));
+}
+
 TEST(Merger, AConnectionIsAnnouncedWithTheMapUpdateThatBringsItsPoints) {
   const SyntheticFlight flight = ThreeCrossingStrips();
   BruteForceBow bow(flight.records());

@@ -1,0 +1,100 @@
+#include <set>
+#include <vector>
+
+#include "procs/merger/merger.h"
+
+// The part of the merger that decides when the merged map is refined, and takes the result in.
+namespace mapmend {
+
+std::set<Merger::PairKey> Merger::TreePairs() const {
+  std::set<PairKey> pairs;
+  for (const auto& [pair, connection] : connections_) {
+    if (connection.in_tree) pairs.insert(pair);
+  }
+  return pairs;
+}
+
+int Merger::NumJoinedKeyframes() const {
+  std::set<SubmapKey> joined;
+  for (const PairKey& pair : TreePairs()) joined.insert({pair.first, pair.second});
+  int num_keyframes = 0;
+  for (const SubmapKey& key : joined) num_keyframes += static_cast<int>(View(key).submap->keyframes.size());
+  return num_keyframes;
+}
+
+bool Merger::RefinementIsDue() const {
+  if (complete_) return !transforms_.is_final || transforms_.revision < 2 * (num_records_ + num_decisions_) + 1;
+  if (sessions_.empty() || AllEnded()) return false;
+  const int num_keyframes = NumJoinedKeyframes();
+  if (num_keyframes == 0 || num_keyframes > options_.max_live_keyframes) return false;
+  return TreePairs() != live_task_.tree || num_keyframes >= options_.live_growth * live_task_.num_keyframes;
+}
+
+RefinementTask Merger::MakeRefinement() {
+  RefinementTask task;
+  task.state = state_;
+  task.is_final = complete_ && AllEnded();
+  task.options = complete_ ? options_.refinement : options_.live_refinement;
+  task.transforms = PlaceSubmaps();
+  live_task_ = {{}, {}, TreePairs(), NumJoinedKeyframes()};
+  std::map<SubmapKey, int> index;
+  for (const MergedTransforms::Place& place : task.transforms.submaps) {
+    index[place.key] = static_cast<int>(task.parts.size());
+    const SubmapView view = View(place.key);
+    task.parts.push_back({*view.submap, view.camera, view.pyramid});
+    for (auto& [id, keyframe] : task.parts.back().submap.keyframes) {
+      cache_.Complete(place.key.session, &keyframe);
+      std::vector<int32_t>().swap(keyframe.nodes);  // it matches by place
+    }
+  }
+  for (const auto& [pair, connection] : connections_) {
+    if (connection.verdict != Connection::Verdict::kAccepted) continue;
+    live_task_.pairs.insert(pair);
+    for (size_t i = 0; i < connection.evidence.size(); ++i) {
+      const ConnectedFrames& e = connection.evidence[i];
+      if (connection.agrees[i]) {
+        task.links.push_back({index.at(pair.first), index.at(pair.second), e.keyframe_a, e.keyframe_b, e.b_from_a});
+      }
+    }
+  }
+  for (const Loop& loop : loops_) {
+    const int s = index.at(loop.submap);
+    task.links.push_back({s, s, loop.frames.keyframe_a, loop.frames.keyframe_b, loop.frames.b_from_a});
+  }
+  return task;
+}
+
+bool Merger::TakeRefinement(const RefinementOutcome& outcome) {
+  const int64_t number = 2 * (num_records_ + num_decisions_) + 1;
+  MergedTransforms refined;
+  if (outcome.is_final) {
+    if (outcome.state != state_) return false;
+    refined = outcome.transforms;
+    refined.is_final = true;
+  } else {
+    // The final revision will have the number that a revision made now would get.
+    if (complete_ || AllEnded() || number <= transforms_.revision) return false;
+    for (const PairKey& pair : live_task_.pairs) {
+      const auto it = connections_.find(pair);
+      if (it == connections_.end() || it->second.verdict != Connection::Verdict::kAccepted) return false;
+    }
+    live_ = live_task_;
+    for (const MergedTransforms::Place& place : outcome.transforms.submaps) {
+      live_.places[place.key] = {place.component, place.root_from_submap};
+    }
+    refined = PlaceSubmaps();
+  }
+  refined.revision = number;
+  refined.cursors = Cursors();
+  refined.refined = true;
+  transforms_ = refined;
+  output_->OnRevision(refined, connections(), outcome.submaps);
+  return true;
+}
+
+void Merger::Finalize() {
+  Complete();
+  TakeRefinement(RunRefinement(MakeRefinement(), [&](const std::string& what) { output_->OnProgress(what); }));
+}
+
+}  // namespace mapmend
