@@ -109,6 +109,35 @@ TEST(ConnectedFrames, DifferentGroundIsRefusedWithAReason) {
   EXPECT_FALSE(pair.result.reason.empty());
 }
 
+TEST(ConnectedFrames, AgreementInOneSpotOfTheImageIsNotEnough) {
+  // Different ground but for one square of 15 m, an eighth of the image wide, that looks the same: an exact transform fits it.
+  TerrainOptions flat;
+  flat.relief = 0;
+  std::vector<TerrainPoint> terrain = MakeTerrain(flat);
+  testing::CopyPatch({113, 193}, {263, 293}, 15, &terrain);
+  FlightOptions options;
+  options.max_features = 3000;
+  options.pixel_noise = 0.2;
+  std::mt19937_64 random(9);
+  const Pair pair = VerifyStrips(Strip({100, 200}, {140, 200}, 100, 5, 0, &random),
+                                 Strip({250, 300}, {290, 300}, 100, 5, 0, &random), 1, terrain, options);
+  EXPECT_FALSE(pair.result.success);
+  EXPECT_GE(pair.result.num_inliers, ConnectedFramesOptions().min_inliers) << pair.result.reason;
+  EXPECT_NE(pair.result.reason.find("of 48 image cells"), std::string::npos) << pair.result.reason;
+}
+
+TEST(ConnectedFrames, AnImplausibleScaleIsRefused) {
+  std::mt19937_64 random(10);
+  const auto a = Strip({150, 200}, {200, 200}, 100, 5, 0, &random), b = Strip({150, 210}, {200, 210}, 100, 5, 90, &random);
+  EXPECT_TRUE(VerifyStrips(a, b, 7).result.success);
+  EXPECT_TRUE(VerifyStrips(a, b, 1 / 7.0).result.success);
+  for (const double scale : {9.0, 1 / 9.0}) {
+    const Pair pair = VerifyStrips(a, b, scale);
+    EXPECT_FALSE(pair.result.success);
+    EXPECT_NE(pair.result.reason.find("scales would differ by a factor of 9.0"), std::string::npos) << pair.result.reason;
+  }
+}
+
 TEST(ConnectedFrames, SameInputSameBits) {
   std::mt19937_64 random(8);
   const auto a = Strip({150, 200}, {200, 200}, 100, 5, 0, &random), b = Strip({150, 210}, {200, 210}, 100, 5, 90, &random);
