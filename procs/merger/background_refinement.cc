@@ -20,6 +20,7 @@ BackgroundRefinement::~BackgroundRefinement() {
 }
 
 void BackgroundRefinement::Start(RefinementTask task) {
+  give_up_ = false;
   done_ = false;
   outcome_.reset();
   error_ = nullptr;
@@ -38,6 +39,7 @@ void BackgroundRefinement::Run(const RefinementTask& task) {
       const std::lock_guard<std::mutex> lock(mutex_);
       progress_.push_back(what);
     });
+  } catch (const GivenUp&) {
   } catch (...) {
     error = std::current_exception();
   }

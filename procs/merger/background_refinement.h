@@ -23,8 +23,10 @@ class BackgroundRefinement {
   bool IsRunning() const { return thread_.joinable(); }
   // Must not be running.
   void Start(RefinementTask task);
-  // The result, once. nullopt: not there yet. Throws what the refinement threw.
+  // The result, once. nullopt: not there yet, or abandoned. Throws what the refinement threw.
   std::optional<RefinementOutcome> Poll();
+  // Gives up what runs, at its next stage: Poll will have no result of it, and IsRunning ends with a later Poll.
+  void Abandon() { give_up_ = true; }
   // What it has said of its progress since the last call.
   std::vector<std::string> TakeProgress();
 

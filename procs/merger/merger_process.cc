@@ -179,7 +179,7 @@ class MergerLoop {
     health_.SetState("ready");
     while (!StopRequested()) {
       const int delivered = AskForDecisions() ? consumer_.Spin(refinement_.IsRunning() ? 10 : 50) : 0;
-      merger_.SetDecisions(decisions_);
+      Heed();
       const bool is_idle = delivered == 0 && consumer_.QueueDepth() == 0;
       if (is_idle && merger_.AllEnded() && completed_at_ != NumDelivered()) Complete();
       Refine();
@@ -235,13 +235,20 @@ class MergerLoop {
     return knows_decisions_;
   }
 
+  void Heed() {
+    const int known = merger_.num_decisions();
+    merger_.SetDecisions(decisions_);
+    if (merger_.num_decisions() != known) refinement_.Abandon();
+  }
+
   int64_t NumDelivered() const { return num_consumed_; }
 
   void Complete() {
     health_.SetState("busy", "comparing all submaps");
+    refinement_.Abandon();  // what it would say is superseded
     knows_decisions_ = false;  // a message may have been missed
     while (!AskForDecisions() && !StopRequested()) health_.Tick();
-    merger_.SetDecisions(decisions_);
+    Heed();
     spdlog::info("merger: {} broadcasts {:.0f} ms (median), {:.0f} ms (p95) after their keyframe; {:.1f} ms of CPU a keyframe (median of {})",
                  latency_.Count(), latency_.Percentile(0.5), latency_.Percentile(0.95), MedianEvaluationMs(), evaluation_ms_.size());
     merger_.Complete();
