@@ -180,10 +180,13 @@ void AddAction(CLI::App* edges, const std::string& name, const std::string& desc
   CLI::App* sub = edges->add_subcommand(name, description);
   const auto options = std::make_shared<EdgesOptions>();
   options->disable = disable;
-  sub->add_option("MAP", options->map, "folder of results (of a run that goes on, too), a map database, or the LCM URL of a live system")
+  sub->add_option("MAP", options->map,
+                  "folder of results (of a run that goes on, too), a map database, or the LCM URL of a live system")
       ->required();
   if (has_submaps) {
-    sub->add_option("SUBMAPS", options->submaps, "the two submaps, numbered as in the report, or SESSION:NUMBER with their session's name or its beginning")
+    sub->add_option("SUBMAPS", options->submaps,
+                    "the two submaps, numbered as in the report, or SESSION:NUMBER with their session's name or its "
+                    "beginning")
         ->required()
         ->expected(2);
     sub->add_option("--seed", options->file.seed, "for a file: that of the flight's run");

@@ -4,6 +4,8 @@
 #include <limits>
 #include <tuple>
 
+#include "procs/merger/loop_consistency.h"
+
 namespace mapmend {
 namespace {
 
@@ -187,6 +189,7 @@ void Merger::Evaluate(const std::string& session, SubmapId submap, KeyframeId ke
       if (proposal.keyframe > keyframe) continue;
       Loop loop{query, Verify(query, proposal.keyframe, query, keyframe)};
       if (!loop.frames.success) continue;
+      if (!JudgeLoop(*View(query).submap, loop.frames, options_.cycles).plausible) continue;
       ++accepted;
       loops_.push_back(std::move(loop));
       continue;

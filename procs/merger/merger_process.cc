@@ -249,8 +249,11 @@ class MergerLoop {
     knows_decisions_ = false;  // a message may have been missed
     while (!AskForDecisions() && !StopRequested()) health_.Tick();
     Heed();
-    spdlog::info("merger: {} broadcasts {:.0f} ms (median), {:.0f} ms (p95) after their keyframe; {:.1f} ms of CPU a keyframe (median of {})",
-                 latency_.Count(), latency_.Percentile(0.5), latency_.Percentile(0.95), MedianEvaluationMs(), evaluation_ms_.size());
+    spdlog::info(
+        "merger: {} broadcasts {:.0f} ms (median), {:.0f} ms (p95) after their keyframe; {:.1f} ms of CPU a keyframe "
+        "(median of {})",
+        latency_.Count(), latency_.Percentile(0.5), latency_.Percentile(0.95), MedianEvaluationMs(),
+        evaluation_ms_.size());
     merger_.Complete();
     completed_at_ = NumDelivered();
   }

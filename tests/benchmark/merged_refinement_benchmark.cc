@@ -108,7 +108,15 @@ void BM_Refine(benchmark::State& state) {
   state.counters["error_after_m"] = CenterError(result.map, survey->flight->world_from_keyframe());
   if (!result.summary.success) state.SkipWithError(result.summary.reason.c_str());
 }
-BENCHMARK(BM_Refine)->Arg(100)->Arg(300)->Arg(500)->Arg(1000)->Unit(benchmark::kSecond)->Iterations(1)->UseRealTime()->MeasureProcessCPUTime();
+BENCHMARK(BM_Refine)
+    ->Arg(100)
+    ->Arg(300)
+    ->Arg(500)
+    ->Arg(1000)
+    ->Unit(benchmark::kSecond)
+    ->Iterations(1)
+    ->UseRealTime()
+    ->MeasureProcessCPUTime();
 
 }  // namespace
 }  // namespace mapmend

@@ -454,7 +454,8 @@ TEST(Merger, AConnectionIsAnnouncedWithTheMapUpdateThatBringsItsPoints) {
     merger.Consume(r);
     if (out.transforms.size() > known) {
       // Right after the keyframe's own update, or at the end of a submap; never only when the next keyframe comes.
-      const bool own_update = std::holds_alternative<MapUpdate>(r.body) && before && std::holds_alternative<KeyframeRecord>(before->body);
+      const bool own_update = std::holds_alternative<MapUpdate>(r.body) && before &&
+                              std::holds_alternative<KeyframeRecord>(before->body);
       ++(own_update || std::holds_alternative<SubmapEnded>(r.body) ? in_time : late);
     }
     before = &r;
@@ -475,7 +476,8 @@ TEST(Merger, AnEdgeSwitchedOffByHandStaysOff) {
   merger.Finalize();
   EXPECT_EQ(out.revision.edges.size(), 1u);
   EXPECT_NE(out.revision.submaps[0].component, out.revision.submaps[1].component);
-  merger.SetDecisions({{{session, SubmapId(1)}, {session, SubmapId(0)}, true}, {{session, SubmapId(0)}, {session, SubmapId(1)}, false}});
+  merger.SetDecisions({{{session, SubmapId(1)}, {session, SubmapId(0)}, true},
+                       {{session, SubmapId(0)}, {session, SubmapId(1)}, false}});
   EXPECT_EQ(out.transforms.back().edges.size(), 2u);
 }
 
