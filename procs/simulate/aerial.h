@@ -24,6 +24,10 @@ struct AerialOptions {
   double road_spacing = 110;
   // Shares of the blocks.
   double houses = 3, park = 2, fields = 2, marsh = 1, forest = 1;
+  double trees = 1;     // how many, as a multiple of the usual
+  double grain = 0.25;  // contrast of the ground's finest pattern
+  double roughness =
+      0;  // of reed, crops and undergrowth, metres: real relief, with light and shade, and slower to render
   std::vector<Lake> lakes;
   // If positive, the land repeats itself exactly with this period along x: perceptual aliasing on purpose.
   double repeat_x = 0;
@@ -60,13 +64,13 @@ class AerialLayout {
 
   // Roads, blocks and ground cover are functions of the place.
   struct Place {
-    double u = 0, v = 0;           // coordinates along the bent road grid, metres
-    double road = 0;               // distance to the middle of the nearest road, metres
-    double along = 0;              // position along it
+    double u = 0, v = 0;  // coordinates along the bent road grid, metres
+    double road = 0;      // distance to the middle of the nearest road, metres
+    double along = 0;     // position along it
     bool crossing = false;
     int64_t block_x = 0, block_y = 0;
     Land land = Land::kPark;
-    uint64_t seed = 0;             // of the block
+    uint64_t seed = 0;  // of the block
   };
   Place At(double x, double y) const;
   double Hills(double x, double y) const;  // height without trees and lakes

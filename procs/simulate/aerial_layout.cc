@@ -19,7 +19,8 @@ AerialLayout::AerialLayout(const AerialOptions& options) : options_(options) {
   if (options.repeat_x <= 0) return;
   // Objects of the first period, copied to the others.
   const auto repeat = [&](auto& list) {
-    std::erase_if(list, [&](const auto& item) { return item.x < options_.x0 || item.x >= options_.x0 + options_.repeat_x; });
+    std::erase_if(list,
+                  [&](const auto& item) { return item.x < options_.x0 || item.x >= options_.x0 + options_.repeat_x; });
     const size_t count = list.size();
     for (int k = 1; k * options_.repeat_x < options_.width; ++k) {
       for (size_t i = 0; i < count; ++i) {
@@ -53,11 +54,13 @@ bool AerialLayout::ToWorld(double u, double v, double* x, double* y, double* yaw
   double du = 0, dv = 0;
   Warp(*x + 1, *y, &du, &dv);
   *yaw = -std::atan2(dv - wv, du - wu);
-  return *x >= options_.x0 && *y >= options_.y0 && *x <= options_.x0 + options_.width && *y <= options_.y0 + options_.length;
+  return *x >= options_.x0 && *y >= options_.y0 && *x <= options_.x0 + options_.width &&
+         *y <= options_.y0 + options_.length;
 }
 
 Land AerialLayout::LandOf(int64_t i, int64_t j) const {
-  const std::array<double, 5> shares = {options_.houses, options_.park, options_.fields, options_.marsh, options_.forest};
+  const std::array<double, 5> shares = {options_.houses, options_.park, options_.fields, options_.marsh,
+                                        options_.forest};
   double total = 0;
   for (const double share : shares) total += share;
   double pick = total * Unit(Hash(options_.seed, static_cast<uint64_t>(i) * 7919, static_cast<uint64_t>(j)));
@@ -100,6 +103,10 @@ bool AerialLayout::Free(double x, double y, double radius) const {
   for (const House& house : houses) {
     if (std::hypot(house.x - x, house.y - y) < radius + 0.6 * std::max(house.size_x, house.size_y)) return false;
   }
+  for (const Pad& pad : pads) {
+    if (pad.kind == Pad::Kind::kCourt && std::hypot(pad.x - x, pad.y - y) < radius + std::max(pad.half_x, pad.half_y))
+      return false;
+  }
   for (const Lake& lake : options_.lakes) {
     if (LakeDistance(lake, x, y) < 1.0 + radius / std::min(lake.radius_x, lake.radius_y)) return false;
   }
@@ -122,7 +129,11 @@ void AerialLayout::FillBlock(int64_t i, int64_t j) {
   if (land == Land::kHouses) FillHouses(i, j, seed);
   if (land == Land::kPark) FillPark(i, j, seed);
   const double area = s * s;
-  const int count = static_cast<int>(area * (land == Land::kForest ? 0.014 : land == Land::kFields ? 0.0006 : land == Land::kHouses ? 0.0022 : 0.0014));
+  const int count = static_cast<int>(options_.trees * area *
+                                     (land == Land::kForest   ? 0.014
+                                      : land == Land::kFields ? 0.0006
+                                      : land == Land::kHouses ? 0.0022
+                                                              : 0.0014));
   for (int k = 0; k < count; ++k) {
     const double u = u0 + random.Uniform(7, s - 7), v = v0 + random.Uniform(7, s - 7);
     const double radius = random.Uniform(1.2, land == Land::kForest ? 4.0 : 4.6);
@@ -160,7 +171,14 @@ void AerialLayout::FillHouses(int64_t i, int64_t j, uint64_t seed) {
       pad(Pad::Kind::kYard, middle, front + inward * depth / 2, lot / 2, depth / 2);
       pad(Pad::Kind::kFence, middle + lot / 2, front + inward * (0.5 * depth + 6), 0.1, depth / 2 - 6);
       const double set_back = random.Uniform(8, 12);
-      House house{0, 0, random.Uniform(10, lot - 3), random.Uniform(8, 11), random.Uniform(2.8, 3.4), random.Uniform(1.4, 2.6), 0, random.Next()};
+      House house{0,
+                  0,
+                  random.Uniform(10, lot - 3),
+                  random.Uniform(8, 11),
+                  random.Uniform(2.8, 3.4),
+                  random.Uniform(1.4, 2.6),
+                  0,
+                  random.Next()};
       if (random.Uniform() < 0.12) house.wall += 2.8;
       const double hv = front + inward * (set_back + house.size_y / 2);
       if (!ToWorld(middle, hv, &x, &y, &yaw) || !Free(x, y, 4)) continue;
@@ -177,15 +195,19 @@ void AerialLayout::FillHouses(int64_t i, int64_t j, uint64_t seed) {
           houses.push_back(wing);
         }
       }
-      pad(Pad::Kind::kDriveway, middle - lot * 0.28, front + inward * (set_back - 2) / 2, random.Uniform(1.6, 2.8), (set_back + 2) / 2);
-      if (random.Uniform() < 0.35) pad(Pad::Kind::kPool, middle + random.Uniform(-2, 2), hv + inward * (house.size_y / 2 + 5), 3.6, 2.4);
+      pad(Pad::Kind::kDriveway, middle - lot * 0.28, front + inward * (set_back - 2) / 2, random.Uniform(1.6, 2.8),
+          (set_back + 2) / 2);
+      if (random.Uniform() < 0.35)
+        pad(Pad::Kind::kPool, middle + random.Uniform(-2, 2), hv + inward * (house.size_y / 2 + 5), 3.6, 2.4);
       for (int car = random.Int(3); car > 0; --car) {
-        const double cu = middle - lot * 0.28 + (car - 1) * 2.6, cv = front + inward * random.Uniform(1.5, set_back - 3);
+        const double cu = middle - lot * 0.28 + (car - 1) * 2.6,
+                     cv = front + inward * random.Uniform(1.5, set_back - 3);
         if (ToWorld(cu, cv, &x, &y, &yaw)) cars.push_back({x, y, yaw + 1.5707963267948966, random.Next()});
       }
       for (int tree = random.Int(3); tree > 0; --tree) {
         const double radius = random.Uniform(1.5, 4.5);
-        AddTree(middle + random.Uniform(-lot / 2, lot / 2), front + inward * random.Uniform(2, depth), radius, 1.7 * radius, random.Next());
+        AddTree(middle + random.Uniform(-lot / 2, lot / 2), front + inward * random.Uniform(2, depth), radius,
+                1.7 * radius, random.Next());
       }
     }
   }

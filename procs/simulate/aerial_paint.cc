@@ -4,8 +4,8 @@
 namespace mapmend::simulate {
 namespace {
 
-// Photographs are about 0.15 m a pixel; here their pixels are taken as this many metres, so that grass is fine enough for
-// lower flights.
+// Photographs are about 0.15 m a pixel; here their pixels are taken as this many metres, so that grass is fine enough
+// for lower flights.
 constexpr double kPhotoTexel = 0.12;
 
 Color Blend(const Color& a, const Color& b, double weight) {
@@ -30,7 +30,8 @@ class Ground {
       : layout_(layout), materials_(materials), x_(x), y_(y), seed_(layout.Options().seed) {}
 
   Color At(const Material& material, int salt, double scale = 1) const {
-    return material.At(x_ / (kPhotoTexel * scale), y_ / (kPhotoTexel * scale), Hash(seed_, static_cast<uint64_t>(salt)));
+    return material.At(x_ / (kPhotoTexel * scale), y_ / (kPhotoTexel * scale),
+                       Hash(seed_, static_cast<uint64_t>(salt)));
   }
   Color Park() const {
     const double dry = Smooth(-0.25, 0.35, Fbm(x_ / 45, y_ / 45, 4, 0.5, seed_ + 11));
@@ -55,7 +56,8 @@ class Ground {
     const double size = layout_.Options().road_spacing;
     Random random(place.seed + 3);
     const double turn = random.Uniform(-0.5, 0.5) + (random.Int(2) == 0 ? 0.0 : 1.5707963267948966);
-    const double lu = place.u - (static_cast<double>(place.block_x) + 0.5) * size, lv = place.v - (static_cast<double>(place.block_y) + 0.5) * size;
+    const double lu = place.u - (static_cast<double>(place.block_x) + 0.5) * size,
+                 lv = place.v - (static_cast<double>(place.block_y) + 0.5) * size;
     const double a = std::cos(turn) * lu - std::sin(turn) * lv + 2.5 * Fbm(x_ / 30, y_ / 30, 3, 0.5, seed_ + 19);
     const double b = std::sin(turn) * lu + std::cos(turn) * lv + 2.5 * Fbm(x_ / 30, y_ / 30, 3, 0.5, seed_ + 20);
     // Borders of strips are random: walk until the one that holds a.
@@ -94,16 +96,19 @@ class Ground {
     const double shade = 0.82 + 0.34 * Unit(Hash(field, 4));
     const double ridge = std::min({a - low, high - a, b - start, end - b});
     color = color * static_cast<float>(shade) * Tint(x_, y_, 0.13, field);
-    if (ridge < 0.5) color = Blend(color, At(materials_.meadow, 16) * (Unit(Hash(field, 6)) < 0.5 ? 0.7f : 1.05f), 0.85);
+    if (ridge < 0.5)
+      color = Blend(color, At(materials_.meadow, 16) * (Unit(Hash(field, 6)) < 0.5 ? 0.7f : 1.05f), 0.85);
     return color;
   }
   Color Road(const AerialLayout::Place& place) const {
-    if (place.road > 3.4) return place.road < 3.7 ? Concrete(x_, y_, seed_) : Concrete(place.road, place.along, seed_ + 1);
+    if (place.road > 3.4)
+      return place.road < 3.7 ? Concrete(x_, y_, seed_) : Concrete(place.road, place.along, seed_ + 1);
     const Color base = Asphalt(x_, y_, seed_ + 21);
     const Color paint = Rgb(215, 213, 200);
     const double worn = Fbm(x_ / 0.8, y_ / 0.8, 3, 0.6, seed_ + 22) > -0.3 ? 0.8 : 0.3;
     const double dash = place.along / 9 - std::floor(place.along / 9);
-    if (!place.crossing && ((place.road < 0.09 && dash < 0.4) || std::abs(place.road - 3.1) < 0.07)) return Blend(base, paint, worn);
+    if (!place.crossing && ((place.road < 0.09 && dash < 0.4) || std::abs(place.road - 3.1) < 0.07))
+      return Blend(base, paint, worn);
     return base;
   }
 
@@ -116,8 +121,8 @@ class Ground {
 
 // Calls paint(x, y, u, v, texel) for the texels of a turned rectangle that lie in rows [begin, end).
 template <typename Paint>
-void ForEachTexel(const AerialOptions& options, double cx, double cy, double half_x, double half_y, double yaw, int begin,
-                  int end, Image* image, Paint paint) {
+void ForEachTexel(const AerialOptions& options, double cx, double cy, double half_x, double half_y, double yaw,
+                  int begin, int end, Image* image, Paint paint) {
   const double scale = 1 / options.texel, reach = std::hypot(half_x, half_y);
   const double c = std::cos(yaw), s = std::sin(yaw);
   const int low_y = std::max(begin, static_cast<int>((cy - reach - options.y0) * scale));
@@ -140,7 +145,8 @@ Color Court(const Pad& pad, double u, double v) {
   if (pad.half_x - std::abs(u) < 0.25 || pad.half_y - std::abs(v) < 0.25) return Rgb(50, 70, 55);
   const double a = std::abs(u) - (pad.half_x - 3), b = std::abs(v) - (pad.half_y - 3);
   if (a > 0.1 || b > 0.1) return border;
-  const bool line = a > -0.1 || b > -0.1 || std::abs(u) < 0.06 || (std::abs(v) < 0.06 && std::abs(u) < pad.half_x * 0.5) ||
+  const bool line = a > -0.1 || b > -0.1 || std::abs(u) < 0.06 ||
+                    (std::abs(v) < 0.06 && std::abs(u) < pad.half_x * 0.5) ||
                     std::abs(std::abs(u) - pad.half_x * 0.5) < 0.06 || std::abs(std::hypot(u, v) - 2) < 0.06;
   return line ? Rgb(225, 228, 225) : inner;
 }
@@ -162,14 +168,28 @@ Color GroundCover(const AerialLayout& layout, const MaterialLibrary& materials, 
   if (place.road < 4.6) return ground.Road(place);
   Color color = {};
   switch (place.land) {
-    case Land::kHouses: color = ground.Park(); break;
-    case Land::kPark: color = ground.Park(); break;
-    case Land::kFields: color = ground.Fields(place); break;
-    case Land::kMarsh: color = ground.Marsh(); break;
-    case Land::kForest: color = ground.Forest(); break;
+    case Land::kHouses:
+      color = ground.Park();
+      break;
+    case Land::kPark:
+      color = ground.Park();
+      break;
+    case Land::kFields:
+      color = ground.Fields(place);
+      break;
+    case Land::kMarsh:
+      color = ground.Marsh();
+      break;
+    case Land::kForest:
+      color = ground.Forest();
+      break;
   }
   const double verge = Smooth(7.0, 5.0, place.road + 1.5 * Fbm(x / 4, y / 4, 3, 0.6, place.seed));
-  return Blend(color, ground.Park(), verge);
+  // The photographs' own tufts come again and again; these never do. Without them all places share too many visual
+  // words.
+  const double grain = Fbm(x / 0.75, y / 0.75, 3, 0.75, Hash(options.seed, 23));
+  const double patchy = 0.6 + 0.8 * Fbm(x / 13, y / 13, 2, 0.5, Hash(options.seed, 24));
+  return Blend(color, ground.Park(), verge) * static_cast<float>(1 + options.grain * patchy * grain);
 }
 
 void PaintPads(const AerialLayout& layout, const MaterialLibrary& materials, int begin, int end, Image* image) {
@@ -177,53 +197,66 @@ void PaintPads(const AerialLayout& layout, const MaterialLibrary& materials, int
     const uint64_t seed = pad.seed;
     ForEachTexel(layout.Options(), pad.x, pad.y, pad.half_x, pad.half_y, pad.yaw, begin, end, image,
                  [&](double x, double y, double u, double v, uint32_t* texel) {
-      if (layout.At(x, y).road < 4.6) return;
-      for (const Lake& lake : layout.Options().lakes) {
-        if (layout.LakeDistance(lake, x, y) < 1.06) return;
-      }
-      const Color old = Unpack(*texel);
-      Color color = old;
-      switch (pad.kind) {
-        case Pad::Kind::kYard: {
-          const Material& grass = seed % 3 == 0 ? materials.dry_lawn : seed % 3 == 1 ? materials.lawn : materials.meadow;
-          color = grass.At(x / kPhotoTexel, y / kPhotoTexel, seed) * Tint(x, y, 0.2, seed) *
-                  static_cast<float>(0.85 + 0.25 * Unit(Hash(seed)));
-          color = Blend(color, materials.bush.At(x / kPhotoTexel, y / kPhotoTexel, seed + 1) * 0.75f,
-                        Smooth(0.34, 0.42, Fbm(x / 5, y / 5, 4, 0.6, seed + 2)));
-          if (pad.half_x - std::abs(u) < 0.15) color = Rgb(96, 84, 70);
-          break;
-        }
-        case Pad::Kind::kDriveway: color = Concrete(u, v, seed); break;
-        case Pad::Kind::kPool:
-          color = std::hypot(u / 2.7, v / 1.6) < 1 ? Rgb(130, 205, 205) * static_cast<float>(1 + 0.1 * Fbm(x, y, 3, 0.6, seed))
-                                                  : Concrete(u, v, seed) * 1.1f;
-          break;
-        case Pad::Kind::kCourt: color = Court(pad, u, v) * static_cast<float>(1 + 0.07 * Fbm(x / 3, y / 3, 4, 0.6, seed)); break;
-        case Pad::Kind::kFence: color = Rgb(120, 100, 80); break;
-        case Pad::Kind::kPath: color = std::abs(u + Fbm(v / 25, 0.5, 2, 0.5, seed)) < 0.7 ? Concrete(u, v, seed) : old; break;
-      }
-      *texel = Pack(color);
-    });
+                   if (layout.At(x, y).road < 4.6) return;
+                   for (const Lake& lake : layout.Options().lakes) {
+                     if (layout.LakeDistance(lake, x, y) < 1.06) return;
+                   }
+                   const Color old = Unpack(*texel);
+                   Color color = old;
+                   switch (pad.kind) {
+                     case Pad::Kind::kYard: {
+                       const Material& grass = seed % 3 == 0   ? materials.dry_lawn
+                                               : seed % 3 == 1 ? materials.lawn
+                                                               : materials.meadow;
+                       color = grass.At(x / kPhotoTexel, y / kPhotoTexel, seed) * Tint(x, y, 0.2, seed) *
+                               static_cast<float>(0.85 + 0.25 * Unit(Hash(seed)));
+                       color = Blend(color, materials.bush.At(x / kPhotoTexel, y / kPhotoTexel, seed + 1) * 0.75f,
+                                     Smooth(0.34, 0.42, Fbm(x / 5, y / 5, 4, 0.6, seed + 2)));
+                       if (pad.half_x - std::abs(u) < 0.15) color = Rgb(96, 84, 70);
+                       break;
+                     }
+                     case Pad::Kind::kDriveway:
+                       color = Concrete(u, v, seed);
+                       break;
+                     case Pad::Kind::kPool:
+                       color = std::hypot(u / 2.7, v / 1.6) < 1
+                                   ? Rgb(130, 205, 205) * static_cast<float>(1 + 0.1 * Fbm(x, y, 3, 0.6, seed))
+                                   : Concrete(u, v, seed) * 1.1f;
+                       break;
+                     case Pad::Kind::kCourt:
+                       color = Court(pad, u, v) * static_cast<float>(1 + 0.07 * Fbm(x / 3, y / 3, 4, 0.6, seed));
+                       break;
+                     case Pad::Kind::kFence:
+                       color = Rgb(120, 100, 80);
+                       break;
+                     case Pad::Kind::kPath:
+                       color = std::abs(u + Fbm(v / 25, 0.5, 2, 0.5, seed)) < 0.7 ? Concrete(u, v, seed) : old;
+                       break;
+                   }
+                   *texel = Pack(color);
+                 });
   }
 }
 
 void PaintTrees(const AerialLayout& layout, const MaterialLibrary& materials, int begin, int end, Image* image) {
   for (const Tree& tree : layout.trees) {
     const double reach = tree.radius * 1.1 + 0.2, scale = 1 / layout.Options().texel;
-    if ((tree.y + reach - layout.Options().y0) * scale < begin || (tree.y - reach - layout.Options().y0) * scale > end) continue;
+    if ((tree.y + reach - layout.Options().y0) * scale < begin || (tree.y - reach - layout.Options().y0) * scale > end)
+      continue;
     const Crown shape(tree);
     Random random(tree.seed + 1);
-    const Color tint = Rgb(random.Uniform(0.95, 1.5), random.Uniform(1.0, 1.3), random.Uniform(0.8, 1.2)) * static_cast<float>(random.Uniform(0.85, 1.2));
+    const Color tint = Rgb(random.Uniform(0.95, 1.5), random.Uniform(1.0, 1.3), random.Uniform(0.8, 1.2)) *
+                       static_cast<float>(random.Uniform(0.85, 1.2));
     ForEachTexel(layout.Options(), tree.x, tree.y, reach, reach, 0, begin, end, image,
                  [&](double x, double y, double, double, uint32_t* texel) {
-      const double ragged = 0.35 * Fbm(x / 0.9, y / 0.9, 3, 0.6, tree.seed);
-      const double crown = shape.Height(x + ragged, y + ragged);
-      const double edge = std::hypot(x - tree.x, y - tree.y) + 2 * ragged;
-      if (crown <= 0 && edge > tree.radius) return;
-      const Color leaves = materials.crown.At(x / kPhotoTexel, y / kPhotoTexel, tree.seed) * tint;
-      const double bright = crown <= 0 ? 0.55 : 0.6 + 0.55 * crown / tree.height;
-      *texel = Pack(leaves * static_cast<float>(bright));
-    });
+                   const double ragged = 0.35 * Fbm(x / 0.9, y / 0.9, 3, 0.6, tree.seed);
+                   const double crown = shape.Height(x + ragged, y + ragged);
+                   const double edge = std::hypot(x - tree.x, y - tree.y) + 2 * ragged;
+                   if (crown <= 0 && edge > tree.radius) return;
+                   const Color leaves = materials.crown.At(x / kPhotoTexel, y / kPhotoTexel, tree.seed) * tint;
+                   const double bright = crown <= 0 ? 0.55 : 0.6 + 0.55 * crown / tree.height;
+                   *texel = Pack(leaves * static_cast<float>(bright));
+                 });
   }
 }
 

@@ -8,11 +8,34 @@ namespace {
 
 const Eigen::Vector3d kSun = Eigen::Vector3d(0.45, -0.35, 0.82).normalized();
 
-// Stored brightness of a surface with this normal: sky light and, unless in shadow, the sun. 1 for level ground in the sun.
+// Stored brightness of a surface with this normal: sky light and, unless in shadow, the sun. 1 for level ground in the
+// sun.
 double Light(const Eigen::Vector3d& normal, double sun) {
   const double sky = 0.30 * (0.6 + 0.4 * normal.z());
   const double direct = 0.70 * sun * std::max(0.0, normal.dot(kSun)) / kSun.z();
   return std::sqrt(sky + direct);  // half-way between light and stored value, as cameras brighten shadows
+}
+
+// Vegetation lower than trees: a random height per vertex, where neither roads nor water are.
+void AddRoughness(const AerialLayout& layout, HeightGrid* grid) {
+  const AerialOptions& options = layout.Options();
+  constexpr double kShare[] = {0.12, 0.2, 0.4, 1, 1};  // by Land
+  ParallelFor(grid->height, 16, options.num_threads, [&](int begin, int end) {
+    for (int j = begin; j < end; ++j) {
+      for (int i = 0; i < grid->width; ++i) {
+        double x = grid->x0 + i * grid->spacing;
+        const double y = grid->y0 + j * grid->spacing;
+        bool water = false;
+        for (const Lake& lake : options.lakes) water |= layout.LakeDistance(lake, x, y) < 1.1;
+        const AerialLayout::Place place = layout.At(x, y);
+        if (water || place.road < 5) continue;
+        if (options.repeat_x > 0) x -= options.repeat_x * std::floor((x - options.x0) / options.repeat_x);
+        const double high = 0.5 + 0.5 * ValueNoise(x / 0.8, y / 0.8, Hash(options.seed, 21));
+        const double clump = std::clamp(0.5 + 1.2 * Fbm(x / 7, y / 7, 3, 0.6, Hash(options.seed, 22)), 0.0, 1.0);
+        grid->At(i, j) += static_cast<float>(options.roughness * kShare[static_cast<int>(place.land)] * high * clump);
+      }
+    }
+  });
 }
 
 HeightGrid MakeHeights(const AerialLayout& layout, HeightGrid* bare) {
@@ -41,6 +64,7 @@ HeightGrid MakeHeights(const AerialLayout& layout, HeightGrid* bare) {
     }
   });
   *bare = grid;
+  if (options.roughness > 0) AddRoughness(layout, &grid);
   for (const Tree& tree : layout.trees) {
     const Crown crown_shape(tree);
     const double reach = tree.radius * 1.1, ground = bare->Height(tree.x, tree.y);
@@ -64,8 +88,10 @@ std::vector<float> MakeLight(const AerialLayout& layout, const HeightGrid& grid,
   for (const House& house : layout.houses) {
     const double reach = 0.5 * std::hypot(house.size_x, house.size_y), c = std::cos(house.yaw), s = std::sin(house.yaw);
     const double ground = grid.Height(house.x, house.y);
-    for (int j = std::max(0, static_cast<int>((house.y - reach - grid.y0) / grid.spacing)); j < grid.height && grid.y0 + j * grid.spacing < house.y + reach; ++j) {
-      for (int i = std::max(0, static_cast<int>((house.x - reach - grid.x0) / grid.spacing)); i < grid.width && grid.x0 + i * grid.spacing < house.x + reach; ++i) {
+    for (int j = std::max(0, static_cast<int>((house.y - reach - grid.y0) / grid.spacing));
+         j < grid.height && grid.y0 + j * grid.spacing < house.y + reach; ++j) {
+      for (int i = std::max(0, static_cast<int>((house.x - reach - grid.x0) / grid.spacing));
+           i < grid.width && grid.x0 + i * grid.spacing < house.x + reach; ++i) {
         const double dx = grid.x0 + i * grid.spacing - house.x, dy = grid.y0 + j * grid.spacing - house.y;
         const double u = c * dx + s * dy, v = -s * dx + c * dy;
         if (std::abs(u) > house.size_x / 2 || std::abs(v) > house.size_y / 2) continue;
@@ -76,18 +102,21 @@ std::vector<float> MakeLight(const AerialLayout& layout, const HeightGrid& grid,
   }
   std::vector<float> light(grid.z.size());
   const double horizontal = std::hypot(kSun.x(), kSun.y());
-  const double step_x = kSun.x() / horizontal, step_y = kSun.y() / horizontal, rise = kSun.z() / horizontal * grid.spacing;
+  const double step_x = kSun.x() / horizontal, step_y = kSun.y() / horizontal,
+               rise = kSun.z() / horizontal * grid.spacing;
   ParallelFor(grid.height, 16, num_threads, [&](int begin, int end) {
     for (int j = begin; j < end; ++j) {
       for (int i = 0; i < grid.width; ++i) {
         const int left = std::max(i - 1, 0), right = std::min(i + 1, grid.width - 1);
         const int down = std::max(j - 1, 0), up = std::min(j + 1, grid.height - 1);
-        const Eigen::Vector3d normal = Eigen::Vector3d((grid.At(left, j) - grid.At(right, j)) / ((right - left) * grid.spacing),
-                                                       (grid.At(i, down) - grid.At(i, up)) / ((up - down) * grid.spacing), 1)
-                                           .normalized();
+        const Eigen::Vector3d normal =
+            Eigen::Vector3d((grid.At(left, j) - grid.At(right, j)) / ((right - left) * grid.spacing),
+                            (grid.At(i, down) - grid.At(i, up)) / ((up - down) * grid.spacing), 1)
+                .normalized();
         double sun = 1, ray = grid.At(i, j) + 0.2;
         for (int k = 1; k * rise < 14; ++k) {
-          const int si = i + static_cast<int>(std::lround(k * step_x)), sj = j + static_cast<int>(std::lround(k * step_y));
+          const int si = i + static_cast<int>(std::lround(k * step_x)),
+                    sj = j + static_cast<int>(std::lround(k * step_y));
           if (si < 0 || sj < 0 || si >= grid.width || sj >= grid.height) break;
           ray += rise;
           const double above = top.At(si, sj) - ray;
@@ -103,7 +132,8 @@ std::vector<float> MakeLight(const AerialLayout& layout, const HeightGrid& grid,
 void AddHouses(const AerialLayout& layout, const HeightGrid& bare, Scene* scene) {
   const int first_roof = static_cast<int>(scene->textures.size());
   constexpr double kRoofScale = 14, kWallScale = 14;  // texels per metre
-  const Color bases[] = {Rgb(168, 168, 172), Rgb(140, 136, 134), Rgb(196, 196, 200), Rgb(150, 112, 88), Rgb(132, 92, 78), Rgb(178, 160, 140)};
+  const Color bases[] = {Rgb(168, 168, 172), Rgb(140, 136, 134), Rgb(196, 196, 200),
+                         Rgb(150, 112, 88),  Rgb(132, 92, 78),   Rgb(178, 160, 140)};
   for (uint64_t k = 0; k < 6; ++k) {
     Image roof(900, 900);
     for (int y = 0; y < roof.height; ++y) {
@@ -117,19 +147,22 @@ void AddHouses(const AerialLayout& layout, const HeightGrid& bare, Scene* scene)
     Random random(k + 90);
     const Color base = Rgb(random.Uniform(170, 225), random.Uniform(165, 215), random.Uniform(150, 200));
     for (int y = 0; y < wall.height; ++y) {
-      for (int x = 0; x < wall.width; ++x) wall.At(x, y) = Pack(base * static_cast<float>(1 + 0.08 * Fbm(x / 20.0, y / 20.0, 3, 0.6, k)));
+      for (int x = 0; x < wall.width; ++x)
+        wall.At(x, y) = Pack(base * static_cast<float>(1 + 0.08 * Fbm(x / 20.0, y / 20.0, 3, 0.6, k)));
     }
     for (int x = 10; x + 40 < wall.width; x += 25 + random.Int(45)) {
       const int w = 12 + random.Int(16), top = random.Int(4) == 0 ? 2 : 14;
       for (int y = top; y < 32; ++y) {
-        for (int i = x; i < x + w; ++i) wall.At(i, y) = Pack(i == x || i == x + w - 1 || y == 31 ? Rgb(235, 235, 230) : Rgb(62, 70, 84));
+        for (int i = x; i < x + w; ++i)
+          wall.At(i, y) = Pack(i == x || i == x + w - 1 || y == 31 ? Rgb(235, 235, 230) : Rgb(62, 70, 84));
       }
     }
     scene->textures.push_back(std::make_shared<Texture>(std::move(wall)));
   }
   for (const House& house : layout.houses) {
     Random random(house.seed);
-    const Eigen::Vector3d x(std::cos(house.yaw), std::sin(house.yaw), 0), y(-x.y(), x.x(), 0), up = Eigen::Vector3d::UnitZ();
+    const Eigen::Vector3d x(std::cos(house.yaw), std::sin(house.yaw), 0), y(-x.y(), x.x(), 0),
+        up = Eigen::Vector3d::UnitZ();
     double low = 1e9;  // walls reach below the ground at the lowest corner
     for (const double a : {-0.5, 0.5}) {
       for (const double b : {-0.5, 0.5}) {
@@ -160,15 +193,18 @@ void AddHouses(const AerialLayout& layout, const HeightGrid& bare, Scene* scene)
 }
 
 void AddCars(const AerialLayout& layout, const HeightGrid& bare, Scene* scene) {
-  const Color paints[] = {Rgb(235, 235, 238), Rgb(40, 42, 46), Rgb(150, 152, 158), Rgb(95, 100, 108), Rgb(140, 32, 36), Rgb(40, 66, 120), Rgb(200, 196, 186)};
+  const Color paints[] = {Rgb(235, 235, 238), Rgb(40, 42, 46),  Rgb(150, 152, 158), Rgb(95, 100, 108),
+                          Rgb(140, 32, 36),   Rgb(40, 66, 120), Rgb(200, 196, 186)};
   for (const Car& car : layout.cars) {
     Random random(car.seed);
     const Color paint = paints[random.Int(7)];
     const double ground = bare.Height(car.x, car.y), length = random.Uniform(4.1, 4.9);
     Solid body = MakeBox({car.x, car.y, ground + 0.55}, {length, 1.8, 0.8}, car.yaw);
-    Solid cabin = MakeBox({car.x - 0.25 * std::cos(car.yaw), car.y - 0.25 * std::sin(car.yaw), ground + 1.2}, {0.5 * length, 1.6, 0.5}, car.yaw);
+    Solid cabin = MakeBox({car.x - 0.25 * std::cos(car.yaw), car.y - 0.25 * std::sin(car.yaw), ground + 1.2},
+                          {0.5 * length, 1.6, 0.5}, car.yaw);
     for (Face& face : body.faces) face.color = paint * static_cast<float>(Light(face.normal, 1));
-    for (Face& face : cabin.faces) face.color = (face.normal.z() > 0.5 ? paint : Rgb(50, 56, 64)) * static_cast<float>(Light(face.normal, 1));
+    for (Face& face : cabin.faces)
+      face.color = (face.normal.z() > 0.5 ? paint : Rgb(50, 56, 64)) * static_cast<float>(Light(face.normal, 1));
     scene->solids.push_back(std::move(body));
     scene->solids.push_back(std::move(cabin));
   }
@@ -187,7 +223,8 @@ std::unique_ptr<Scene> BuildAerialScene(const AerialOptions& options, const Mate
   ParallelFor(ground.height, 64, options.num_threads, [&](int begin, int end) {
     for (int j = begin; j < end; ++j) {
       for (int i = 0; i < ground.width; ++i) {
-        ground.At(i, j) = Pack(GroundCover(layout, materials, options.x0 + (i + 0.5) * options.texel, options.y0 + (j + 0.5) * options.texel));
+        ground.At(i, j) = Pack(GroundCover(layout, materials, options.x0 + (i + 0.5) * options.texel,
+                                           options.y0 + (j + 0.5) * options.texel));
       }
     }
     PaintPads(layout, materials, begin, end, &ground);

@@ -1,14 +1,18 @@
-#include <Eigen/Geometry>
-
 #include "procs/simulate/canvas.h"
+
+#include <Eigen/Geometry>
 
 namespace mapmend::simulate {
 
-void Canvas::Fill(double x, double y, double width, double height, const std::function<Color(double, double, const Color&)>& paint) {
-  const int x0 = std::max(0, static_cast<int>(std::lround(x * scale_))), x1 = std::min(image_.width, static_cast<int>(std::lround((x + width) * scale_)));
-  const int y0 = std::max(0, static_cast<int>(std::lround(y * scale_))), y1 = std::min(image_.height, static_cast<int>(std::lround((y + height) * scale_)));
+void Canvas::Fill(double x, double y, double width, double height,
+                  const std::function<Color(double, double, const Color&)>& paint) {
+  const int x0 = std::max(0, static_cast<int>(std::lround(x * scale_))),
+            x1 = std::min(image_.width, static_cast<int>(std::lround((x + width) * scale_)));
+  const int y0 = std::max(0, static_cast<int>(std::lround(y * scale_))),
+            y1 = std::min(image_.height, static_cast<int>(std::lround((y + height) * scale_)));
   for (int j = y0; j < y1; ++j) {
-    for (int i = x0; i < x1; ++i) image_.At(i, j) = Pack(paint((i + 0.5) / scale_, (j + 0.5) / scale_, Unpack(image_.At(i, j))));
+    for (int i = x0; i < x1; ++i)
+      image_.At(i, j) = Pack(paint((i + 0.5) / scale_, (j + 0.5) / scale_, Unpack(image_.At(i, j))));
   }
 }
 
@@ -40,7 +44,9 @@ void Canvas::Photo(double x, double y, double width, double height, const Image&
     double u = (px - x) / width;
     const double v = (py - y) / height;
     if (mirrored) u = 1 - u;
-    return photos.Bilinear(static_cast<float>((column + left + zoom * u) * tile_w), static_cast<float>((row + top + zoom * v) * tile_h)) * tint;
+    return photos.Bilinear(static_cast<float>((column + left + zoom * u) * tile_w),
+                           static_cast<float>((row + top + zoom * v) * tile_h)) *
+           tint;
   });
   const double frame = random->Int(2) == 0 ? 0.015 : 0;
   if (frame == 0) return;
@@ -62,7 +68,8 @@ float AmbientLight(const Eigen::Vector3d& normal) {
   return static_cast<float>(0.92 + 0.07 * normal.x() + 0.04 * normal.y() + 0.06 * normal.z());
 }
 
-void AddPaintedBox(Scene* scene, const Eigen::Vector3d& center, const Eigen::Vector3d& size, double yaw, const BoxPaint& paint) {
+void AddPaintedBox(Scene* scene, const Eigen::Vector3d& center, const Eigen::Vector3d& size, double yaw,
+                   const BoxPaint& paint) {
   Solid solid = MakeBox(center, size, yaw);
   const Eigen::Vector3d x(std::cos(yaw), std::sin(yaw), 0), y(-x.y(), x.x(), 0), z = Eigen::Vector3d::UnitZ();
   for (int f = 0; f < 6; ++f) {
@@ -70,10 +77,13 @@ void AddPaintedBox(Scene* scene, const Eigen::Vector3d& center, const Eigen::Vec
     const float light = AmbientLight(face.normal);
     face.color = paint.plain * light;
     // Seen from outside: u to the right, v down. Top and bottom: u along x.
-    const Eigen::Vector3d v = f < 4 ? Eigen::Vector3d(-z) : Eigen::Vector3d(-y), u = f < 4 ? Eigen::Vector3d(z.cross(face.normal)) : x;
+    const Eigen::Vector3d v = f < 4 ? Eigen::Vector3d(-z) : Eigen::Vector3d(-y),
+                          u = f < 4 ? Eigen::Vector3d(z.cross(face.normal)) : x;
     const double width = f < 2 ? size.y() : size.x(), height = f < 4 ? size.z() : size.y();
     Canvas canvas(width, height, paint.texels_per_metre);
-    const bool painted = f < 4 ? paint.side && paint.side(f, &canvas) : f == 4 ? paint.top && paint.top(&canvas) : paint.bottom && paint.bottom(&canvas);
+    const bool painted = f < 4    ? paint.side && paint.side(f, &canvas)
+                         : f == 4 ? paint.top && paint.top(&canvas)
+                                  : paint.bottom && paint.bottom(&canvas);
     if (!painted) continue;
     const double depth = f < 2 ? size.x() : f < 4 ? size.y() : size.z();
     const Eigen::Vector3d corner = center + face.normal * depth / 2 - u * width / 2 - v * height / 2;

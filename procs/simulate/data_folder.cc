@@ -11,7 +11,8 @@ std::string FindDataFolder() {
   // Installed in libexec/mapmend or bin; in the source tree's build/bin.
   for (const char* candidate : {"../../share/mapmend", "../share/mapmend", "../../data"}) {
     const fs::path folder = program / candidate;
-    if (fs::is_directory(folder / "scenarios") && fs::is_directory(folder / "simulator")) return fs::canonical(folder).string();
+    if (fs::is_directory(folder / "scenarios") && fs::is_directory(folder / "simulator"))
+      return fs::canonical(folder).string();
   }
   throw std::runtime_error("data/scenarios and data/simulator are not found beside " + program.string());
 }

@@ -1,12 +1,12 @@
 #include "procs/simulate/frame_writer.h"
 
-#include <csignal>
 #include <fcntl.h>
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
@@ -36,14 +36,18 @@ class VideoWriter : public FrameWriter {
     char size[32], rate[32];
     std::snprintf(size, sizeof size, "%dx%d", width, height);
     std::snprintf(rate, sizeof rate, "%.6f", fps);
-    std::vector<std::string> words = {"ffmpeg", "-nostdin", "-v", "error", "-y", "-f", "rawvideo", "-pix_fmt", "yuv420p", "-s", size, "-r", rate,
-                                      "-i", "pipe:0", "-c:v", "libx264", "-preset", "superfast", "-crf", std::to_string(crf), "-threads", "2",
-                                      "-fflags", "+bitexact", "-flags:v", "+bitexact", "-f", "mp4", part_};
+    std::vector<std::string> words = {
+        "ffmpeg",   "-nostdin", "-v",      "error",     "-y",        "-f",        "rawvideo",
+        "-pix_fmt", "yuv420p",  "-s",      size,        "-r",        rate,        "-i",
+        "pipe:0",   "-c:v",     "libx264", "-preset",   "ultrafast", "-crf",      std::to_string(crf),
+        "-threads", "2",        "-fflags", "+bitexact", "-flags:v",  "+bitexact", "-f",
+        "mp4",      part_};
     std::vector<char*> argv;
     for (auto& word : words) argv.push_back(word.data());
     argv.push_back(nullptr);
     int ends[2];
-    if (pipe2(ends, O_CLOEXEC) != 0) throw std::runtime_error(std::string("cannot make a pipe: ") + std::strerror(errno));
+    if (pipe2(ends, O_CLOEXEC) != 0)
+      throw std::runtime_error(std::string("cannot make a pipe: ") + std::strerror(errno));
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_adddup2(&actions, ends[0], 0);
@@ -60,7 +64,8 @@ class VideoWriter : public FrameWriter {
     pipe_ = ends[1];
     if (error != 0) {
       close(pipe_);
-      throw std::runtime_error(std::string("cannot start ffmpeg, which encodes the video (package ffmpeg): ") + std::strerror(error));
+      throw std::runtime_error(std::string("cannot start ffmpeg, which encodes the video (package ffmpeg): ") +
+                               std::strerror(error));
     }
   }
   ~VideoWriter() override {
@@ -97,7 +102,8 @@ class VideoWriter : public FrameWriter {
     // ffmpeg does not report a disk that fills up while it writes the index: the file would have no index then.
     std::ifstream file(part_, std::ios::binary);
     const std::string content(std::istreambuf_iterator<char>(file), {});
-    if (content.find("moov") == std::string::npos) throw std::runtime_error(final_ + ": the video could not be written completely (disk full?)");
+    if (content.find("moov") == std::string::npos)
+      throw std::runtime_error(final_ + ": the video could not be written completely (disk full?)");
     if (std::rename(part_.c_str(), final_.c_str()) != 0) throw std::runtime_error(final_ + ": " + std::strerror(errno));
   }
 
@@ -110,7 +116,8 @@ class VideoWriter : public FrameWriter {
     std::ifstream log(log_);
     std::string line;
     std::getline(log, line);
-    throw std::runtime_error(final_ + ": the encoder ffmpeg failed: " + (line.empty() ? "no space left on the disk?" : line));
+    throw std::runtime_error(final_ +
+                             ": the encoder ffmpeg failed: " + (line.empty() ? "no space left on the disk?" : line));
   }
 
   std::string final_, part_, log_;

@@ -6,13 +6,16 @@ namespace {
 // Mean over a square of half-width radius, by a summed-area table; the square is cut at the border.
 std::vector<Color> BoxBlur(const std::vector<Color>& in, int width, int height, int radius) {
   std::vector<Color> out(in.size()), rows(in.size());
-  const auto pass = [&](const std::vector<Color>& from, std::vector<Color>* to, int count, int lines, int step, int line_step) {
+  const auto pass = [&](const std::vector<Color>& from, std::vector<Color>* to, int count, int lines, int step,
+                        int line_step) {
     for (int l = 0; l < lines; ++l) {
       for (int i = 0; i < count; ++i) {
         Color sum = {};
         const int begin = std::max(0, i - radius), end = std::min(count - 1, i + radius);
-        for (int k = begin; k <= end; ++k) sum += from[static_cast<size_t>(l) * line_step + static_cast<size_t>(k) * step];
-        (*to)[static_cast<size_t>(l) * line_step + static_cast<size_t>(i) * step] = sum * (1.f / static_cast<float>(end - begin + 1));
+        for (int k = begin; k <= end; ++k)
+          sum += from[static_cast<size_t>(l) * line_step + static_cast<size_t>(k) * step];
+        (*to)[static_cast<size_t>(l) * line_step + static_cast<size_t>(i) * step] =
+            sum * (1.f / static_cast<float>(end - begin + 1));
       }
     }
   };
@@ -63,11 +66,13 @@ Color Material::At(double x, double y, uint64_t seed) const {
     const double y0 = edge_ * 0.8660254037844386 * static_cast<double>(cb[k]);
     double dx = x - x0, dy = y - y0;
     if (hash & 1) dx = -dx, dy = -dy;
+    if (hash & 2) dx = -dx;
     // The window may lie anywhere as long as it does not leave the photograph.
     const double reach = edge_ + 1;
     const double px = reach + Unit(hash) * (width_ - 1 - 2 * reach) + dx;
     const double py = reach + Unit(Hash(hash)) * (height_ - 1 - 2 * reach) + dy;
-    const int ix = std::clamp(static_cast<int>(px + 0.5), 0, width_ - 1), iy = std::clamp(static_cast<int>(py + 0.5), 0, height_ - 1);
+    const int ix = std::clamp(static_cast<int>(px + 0.5), 0, width_ - 1),
+              iy = std::clamp(static_cast<int>(py + 0.5), 0, height_ - 1);
     const auto w = static_cast<float>(weight[k] * weight[k] * weight[k]);  // sharp seams: keeps structures whole
     sum += difference_[static_cast<size_t>(iy) * width_ + ix] * w;
     squares += w * w;
@@ -119,7 +124,8 @@ Color Wood(double x, double y, const Color& base, uint64_t seed) {
 }
 
 Color Carpet(double x, double y, const Color& base, uint64_t seed) {
-  const double stripe = Grain(x, y / 12, 0.05, seed), tuft = Grain(x, y, 0.012, seed + 1), wear = Fbm(x / 1.2, y / 1.2, 4, 0.6, seed + 2);
+  const double stripe = Grain(x, y / 12, 0.05, seed), tuft = Grain(x, y, 0.012, seed + 1),
+               wear = Fbm(x / 1.2, y / 1.2, 4, 0.6, seed + 2);
   return Grey(base, 0.14 * stripe + 0.16 * tuft + 0.14 * wear);
 }
 

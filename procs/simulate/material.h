@@ -8,10 +8,10 @@
 
 namespace mapmend::simulate {
 
-// A texture without end and without repetition made from a small photograph: on a triangular lattice every corner has its own
-// random window of the photograph, and between the corners the three are blended so that mean and variance stay those of
-// the photograph (Heitz and Neyret, High-Performance By-Example Noise using a Histogram-Preserving Blending Operator, HPG
-// 2018; here without the histogram transform). Any point can be evaluated alone.
+// A texture without end and without repetition made from a small photograph: on a triangular lattice every corner has
+// its own random window of the photograph, and between the corners the three are blended so that mean and variance stay
+// those of the photograph (Heitz and Neyret, High-Performance By-Example Noise using a Histogram-Preserving Blending
+// Operator, HPG 2018; here without the histogram transform). Any point can be evaluated alone.
 class Material {
  public:
   // Removes shading wider than a third of the photograph first, so that windows fit each other.

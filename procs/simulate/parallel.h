@@ -7,8 +7,8 @@
 
 namespace mapmend::simulate {
 
-// Calls body(begin, end) for consecutive chunks of [0, count) on num_threads threads. Chunks must not depend on each other;
-// then the result does not depend on num_threads.
+// Calls body(begin, end) for consecutive chunks of [0, count) on num_threads threads. Chunks must not depend on each
+// other; then the result does not depend on num_threads.
 inline void ParallelFor(int count, int chunk, int num_threads, const std::function<void(int, int)>& body) {
   std::atomic<int> next{0};
   const auto work = [&] {

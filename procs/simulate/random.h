@@ -3,8 +3,8 @@
 #include <cmath>
 #include <cstdint>
 
-// Randomness as pure functions of a seed and of coordinates, so that every frame and every texel can be computed alone and
-// in any order. Only integer and IEEE arithmetic: the same bits on every machine.
+// Randomness as pure functions of a seed and of coordinates, so that every frame and every texel can be computed alone
+// and in any order. Only integer and IEEE arithmetic: the same bits on every machine.
 namespace mapmend::simulate {
 
 // SplitMix64's finaliser (Steele, Lea, Flood, OOPSLA 2014).
@@ -39,11 +39,13 @@ class Random {
   uint64_t state_;
 };
 
-// Smooth noise in [-1, 1] with one random value per unit cell corner. A small hash of its own: it is called for every texel.
+// Smooth noise in [-1, 1] with one random value per unit cell corner. A small hash of its own: it is called for every
+// texel.
 inline double ValueNoise(double x, double y, uint64_t seed) {
   const double fx = std::floor(x), fy = std::floor(y);
   const auto base = static_cast<uint32_t>(static_cast<int64_t>(fx)) * 0x8da6b343u +
-                    static_cast<uint32_t>(static_cast<int64_t>(fy)) * 0xd8163841u + static_cast<uint32_t>(seed ^ seed >> 32);
+                    static_cast<uint32_t>(static_cast<int64_t>(fy)) * 0xd8163841u +
+                    static_cast<uint32_t>(seed ^ seed >> 32);
   const auto value = [](uint32_t h) {
     h = (h ^ h >> 16) * 0x7feb352du;
     h = (h ^ h >> 15) * 0x846ca68bu;

@@ -16,7 +16,8 @@ namespace fs = std::filesystem;
 // One mapping of a YAML file: every key must be asked for, what is left over is unknown.
 class Section {
  public:
-  Section(std::string file, std::string prefix, YAML::Node node) : file_(std::move(file)), prefix_(std::move(prefix)), node_(std::move(node)) {
+  Section(std::string file, std::string prefix, YAML::Node node)
+      : file_(std::move(file)), prefix_(std::move(prefix)), node_(std::move(node)) {
     if (node_.IsDefined() && !node_.IsNull() && !node_.IsMap()) Fail("", "must be a mapping of keys to values");
   }
 
@@ -38,8 +39,10 @@ class Section {
     try {
       *value = node_[key].as<T>();
     } catch (const YAML::Exception&) {
-      const char* wanted = std::is_same_v<T, bool> ? "must be true or false" : std::is_same_v<T, std::string> ? "must be text"
-                           : std::is_integral_v<T> ? "must be a whole number" : "must be a number";
+      const char* wanted = std::is_same_v<T, bool>          ? "must be true or false"
+                           : std::is_same_v<T, std::string> ? "must be text"
+                           : std::is_integral_v<T>          ? "must be a whole number"
+                                                            : "must be a number";
       Fail(key, wanted);
     }
     if constexpr (std::is_floating_point_v<T>) {
@@ -119,6 +122,9 @@ void ReadScene(Section s, SceneOptions* scene) {
   s.Read("texel", &a.texel);
   s.Read("spacing", &a.spacing);
   s.Read("relief", &a.relief);
+  s.Read("trees", &a.trees);
+  s.Read("roughness", &a.roughness);
+  s.Read("grain", &a.grain);
   s.Read("road_spacing", &a.road_spacing);
   s.Read("houses", &a.houses);
   s.Read("park", &a.park);
@@ -262,6 +268,7 @@ void ReadInto(const std::string& path, const std::string& folder, int depth, Sce
     s.Read("white_balance_drift", &o.white_balance_drift);
     s.Read("lod_bias", &o.lod_bias);
     s.Read("motion_blur", &o.motion_blur);
+    s.Read("sharpening", &o.sharpening);
     s.CheckKnown();
   }
   ReadEvents(&root, scenario);

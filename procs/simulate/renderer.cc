@@ -1,10 +1,8 @@
 #include "procs/simulate/renderer.h"
 
-#include <array>
 #include <cmath>
 
 #include "procs/simulate/parallel.h"
-#include "procs/simulate/random.h"
 
 namespace mapmend::simulate {
 namespace {
@@ -31,29 +29,19 @@ Eigen::Vector3d Unproject(const Camera& camera, const Eigen::Vector2d& pixel) {
   return {p.x(), p.y(), 1};
 }
 
-constexpr int kTile = 8;
-
-// Gaussian numbers by table: a sum of uniforms, scaled to unit variance.
-const std::array<float, 4096>& GaussianTable() {
-  static const auto table = [] {
-    std::array<float, 4096> values;
-    Random random(77);
-    for (float& v : values) v = static_cast<float>(random.Gaussian());
-    return values;
-  }();
-  return table;
-}
-
 }  // namespace
 
 Renderer::Renderer(const Scene* scene, const Camera& camera, const RenderOptions& options)
-    : scene_(scene), camera_(camera), options_(options) {
+    : scene_(scene), camera_(camera), options_(options), distorted_(camera.HasDistortion()) {
   const size_t size = static_cast<size_t>(camera.width) * camera.height;
   rays_.resize(size);
+  ray_stretch_.resize(size);
   ParallelFor(camera.height, 16, options.num_threads, [&](int begin, int end) {
     for (int y = begin; y < end; ++y) {
       for (int x = 0; x < camera.width; ++x) {
-        rays_[static_cast<size_t>(y) * camera.width + x] = Unproject(camera, Eigen::Vector2d(x, y)).normalized().cast<float>();
+        const size_t i = static_cast<size_t>(y) * camera.width + x;
+        rays_[i] = Unproject(camera, Eigen::Vector2d(x, y)).normalized().cast<float>();
+        ray_stretch_[i] = 1 / rays_[i].z();
       }
     }
   });
@@ -62,9 +50,8 @@ Renderer::Renderer(const Scene* scene, const Camera& camera, const RenderOptions
   distance_.resize(size);
   surface_.resize(size);
   plain_.resize(static_cast<size_t>((camera.width + kTile - 1) / kTile) * ((camera.height + kTile - 1) / kTile));
-  sharp_.resize(size);
-  smooth_.resize(size);
-  blurred_.resize(size);
+  beams_.resize(plain_.size());
+  light_.resize(size);
 }
 
 Eigen::Vector3d Renderer::Ray(int x, int y) const {
@@ -97,238 +84,134 @@ void Renderer::Render(const PoseFunction& pose, double time, const SensorState& 
   frame->width = width;
   frame->height = height;
   frame->bgr.resize(static_cast<size_t>(width) * height * 3);
-  const auto rows = [&](auto&& body) {
-    ParallelFor(height, 8, options_.num_threads, [&](int begin, int end) {
-      for (int y = begin; y < end; ++y) body(y);
-    });
-  };
   ParallelFor((height + kTile - 1) / kTile, 1, options_.num_threads, [&](int begin, int end) {
     for (int tile_row = begin; tile_row < end; ++tile_row) CastTiles(tile_row);
   });
-  rows([&](int y) { SmoothEdges(y); });
-  rows([&](int y) {
-    BlurRow(y);
-    DevelopRow(y, sensor, frame);
+  ParallelFor(height, 16, options_.num_threads, [&](int begin, int end) {
+    for (int y = begin; y < end; ++y) SmoothEdges(y);
   });
+  ParallelFor(height, 24, options_.num_threads, [&](int begin, int end) { DevelopRows(begin, end, sensor, frame); });
 }
 
-void Renderer::CastPixel(int x, int y) {
+void Renderer::CastPixel(int x, int y, const Beam& beam) {
   const RowPose& row = rows_[y];
   const size_t i = static_cast<size_t>(y) * camera_.width + x;
   const Eigen::Vector3d direction = row.rotation * rays_[i].cast<double>();
-  const Hit hit = scene_->Cast(row.center, direction);
+  const Hit hit = scene_->Cast(row.center, direction, beam);
   distance_[i] = static_cast<float>(hit.distance);
   surface_[i] = hit.surface;
   const Color color = scene_->Shade(row.center, direction, hit, pixel_angle_);
-  sharp_[i] = color * color;
+  light_[i] = PackLight(color);
 }
 
 void Renderer::CastTiles(int tile_row) {
   const int width = camera_.width, y0 = tile_row * kTile, y1 = std::min(y0 + kTile, camera_.height - 1);
   const int tiles = (width + kTile - 1) / kTile;
-  std::vector<Hit> corners(2 * static_cast<size_t>(tiles + 1));
-  for (int k = 0; k <= tiles; ++k) {
-    const int x = std::min(k * kTile, width - 1);
-    int side = 0;
+  // Corners in the order of PlainTile; the right ones become the next tile's left ones.
+  Eigen::Vector3d origins[4], directions[4];
+  Hit hits[4];
+  const auto aim = [&](int x, int corner) {
     for (const int y : {y0, y1}) {
-      const Eigen::Vector3d direction = rows_[y].rotation * rays_[static_cast<size_t>(y) * width + x].cast<double>();
-      corners[2 * static_cast<size_t>(k) + side++] = scene_->Cast(rows_[y].center, direction);
+      origins[corner] = rows_[y].center;
+      directions[corner++] = rows_[y].rotation * rays_[static_cast<size_t>(y) * width + x].cast<double>();
     }
-  }
+  };
+  aim(0, 2);
   for (int k = 0; k < tiles; ++k) {
     const int x0 = k * kTile, x1 = std::min(x0 + kTile, width - 1);
-    const bool plain = FillPlainTile(x0, y0, x1, y1, corners.data() + 2 * static_cast<size_t>(k));
-    plain_[static_cast<size_t>(tile_row) * tiles + k] = plain;
-    if (plain) continue;
-    for (int y = y0; y < std::min(y0 + kTile, camera_.height); ++y) {
-      for (int x = x0; x < std::min(x0 + kTile, width); ++x) CastPixel(x, y);
-    }
+    for (int c = 0; c < 2; ++c) origins[c] = origins[c + 2], directions[c] = directions[c + 2], hits[c] = hits[c + 2];
+    aim(x1, 2);
+    const Beam beam = scene_->ClearBeam(origins, directions);
+    for (int c = k == 0 ? 0 : 2; c < 4; ++c) hits[c] = scene_->Cast(origins[c], directions[c], beam);
+    const int x_end = std::min(x0 + kTile, width), y_end = std::min(y0 + kTile, camera_.height);
+    const bool plain = FillPlainTile(x0, y0, x1, y1, x_end, y_end, beam, hits);
+    const size_t tile = static_cast<size_t>(tile_row) * tiles + k;
+    plain_[tile] = plain;
+    beams_[tile] = beam;
+    if (!plain) CastTile(x0, y0, x1, y1, beam, hits);
   }
 }
 
-// hits: upper left, lower left, upper right, lower right.
-bool Renderer::FillPlainTile(int x0, int y0, int x1, int y1, const Hit* hits) {
-  if (x1 == x0 || y1 == y0) return false;
-  for (int k = 0; k < 4; ++k) {
-    if (hits[k].surface != Hit::kGround || hits[k].slope > 0.7f) return false;
-  }
-  const int width = camera_.width;
-  const int xs[] = {x0, x0, x1, x1}, ys[] = {y0, y1, y0, y1};
-  Eigen::Vector3d points[4], directions[4];
-  // Per corner: inverse depth, and the world times inverse depth, which are linear in the pixel on a plane.
-  double inverse[4];
-  Eigen::Vector3d scaled[4];
-  for (int k = 0; k < 4; ++k) {
-    const Eigen::Vector3f& ray = rays_[static_cast<size_t>(ys[k]) * width + xs[k]];
-    directions[k] = rows_[ys[k]].rotation * ray.cast<double>();
-    points[k] = rows_[ys[k]].center + hits[k].distance * directions[k];
-    inverse[k] = 1 / (hits[k].distance * ray.z());
-    scaled[k] = points[k] * inverse[k];
-  }
-  if (!scene_->GroundIsClear(points, directions)) return false;
-  const auto at = [&](double a, double b) {
-    const double w[] = {(1 - a) * (1 - b), (1 - a) * b, a * (1 - b), a * b};
-    Eigen::Vector4d value = Eigen::Vector4d::Zero();
-    for (int k = 0; k < 4; ++k) value += w[k] * Eigen::Vector4d(scaled[k].x(), scaled[k].y(), scaled[k].z(), inverse[k]);
-    return value;
+// Quarters that are plain, and every pixel of the others.
+void Renderer::CastTile(int x0, int y0, int x1, int y1, const Beam& beam, const Hit* hits) {
+  constexpr int kHalf = kTile / 2;
+  const int x_end = std::min(x0 + kTile, camera_.width), y_end = std::min(y0 + kTile, camera_.height);
+  const auto cast_pixels = [&](int left, int top, int right, int bottom) {
+    for (int y = top; y < bottom; ++y) {
+      for (int x = left; x < right; ++x) CastPixel(x, y, beam);
+    }
   };
-  for (const auto& [a, b] : {std::pair{0.5, 0.5}, {0.5, 0.0}, {0.5, 1.0}, {0.0, 0.5}, {1.0, 0.5}}) {
-    const Eigen::Vector4d p = at(a, b);
-    const Eigen::Vector3d world = p.head<3>() / p[3];
-    if (std::abs(world.z() - scene_->grid.Height(world.x(), world.y())) > 2e-4 / p[3]) return false;
-  }
-  const double texels = scene_->ground_texels_per_metre;
-  const double footprint = 0.25 * (hits[0].distance + hits[1].distance + hits[2].distance + hits[3].distance) * pixel_angle_;
-  const double texel_width = footprint * texels;
-  const bool simple = directions[0].z() < -0.7 && directions[3].z() < -0.7 && (scene_->detail == nullptr || texel_width > 0.53);
-  const auto lod = static_cast<float>(std::log2(std::max(texel_width, 1e-3)));
-  for (int y = y0; y < std::min(y0 + kTile, camera_.height); ++y) {
-    const double b = static_cast<double>(y - y0) / (y1 - y0);
-    Eigen::Vector4d p = at(0, b);
-    const Eigen::Vector4d step = (at(1, b) - p) / (x1 - x0);
-    const size_t row = static_cast<size_t>(y) * width;
-    for (int x = x0; x < std::min(x0 + kTile, width); ++x, p += step) {
-      const double depth = 1 / p[3];
-      const auto distance = static_cast<float>(depth) / rays_[row + x].z();
-      distance_[row + x] = distance;
-      surface_[row + x] = Hit::kGround;
-      Color color;
-      if (simple) {
-        color = scene_->ground->Sample(static_cast<float>((p[0] * depth - scene_->grid.x0) * texels - 0.5),
-                                       static_cast<float>((p[1] * depth - scene_->grid.y0) * texels - 0.5), lod);
+  if (x1 - x0 != kTile || y1 - y0 != kTile || beam.height > 1e29) return cast_pixels(x0, y0, x_end, y_end);
+  const int xs[] = {x0, x0 + kHalf, x1}, ys[] = {y0, y0 + kHalf, y1};
+  Hit grid[3][3];  // by column and row
+  Eigen::Vector3d origins[4], directions[4];
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      if (i != 1 && j != 1) {
+        grid[i][j] = hits[i + j / 2];
       } else {
-        const Eigen::Vector3d direction = rows_[y].rotation * rays_[row + x].cast<double>();
-        color = scene_->ShadeGround(p.head<3>() * depth, direction, distance * pixel_angle_, 0);
+        grid[i][j] = scene_->Cast(
+            rows_[ys[j]].center,
+            rows_[ys[j]].rotation * rays_[static_cast<size_t>(ys[j]) * camera_.width + xs[i]].cast<double>(), beam);
       }
-      sharp_[row + x] = color * color;
     }
   }
-  return true;
+  for (int i = 0; i < 2; ++i) {
+    for (int j = 0; j < 2; ++j) {
+      const Hit corners[] = {grid[i][j], grid[i][j + 1], grid[i + 1][j], grid[i + 1][j + 1]};
+      bool alike = true;
+      for (const Hit& hit : corners) alike &= hit.surface == corners[0].surface;
+      if (alike) {
+        for (int c = 0; c < 4; ++c) {
+          const int y = ys[j + c % 2];
+          origins[c] = rows_[y].center;
+          directions[c] =
+              rows_[y].rotation * rays_[static_cast<size_t>(y) * camera_.width + xs[i + c / 2]].cast<double>();
+        }
+        if (FillPlainTile(xs[i], ys[j], xs[i + 1], ys[j + 1], xs[i + 1], ys[j + 1],
+                          scene_->ClearBeam(origins, directions), corners))
+          continue;
+      }
+      cast_pixels(xs[i], ys[j], xs[i + 1], ys[j + 1]);
+    }
+  }
 }
 
-// Where the surface changes, or the depth jumps within one, the mean of four rays in place of one.
+// Where the surface changes, or the depth jumps within one, the mean of four rays in place of one. Inside plain tiles
+// neither can be.
 void Renderer::SmoothEdges(int y) {
   const int width = camera_.width;
-  const size_t row = static_cast<size_t>(y) * width;
-  const float jump = static_cast<float>(6 / std::sqrt(camera_.fx * camera_.fy));
-  for (int x = 0; x < width; ++x) {
-    const size_t i = row + x;
-    smooth_[i] = sharp_[i];
-    const auto differs = [&](size_t j) {
-      return surface_[i] != surface_[j] || std::abs(distance_[i] - distance_[j]) > jump * distance_[i];
-    };
-    if (x == 0 || y == 0 || x + 1 == width || y + 1 == camera_.height) continue;
-    if (!differs(i - 1) && !differs(i + 1) && !differs(i - width) && !differs(i + width)) continue;
-    const Eigen::Vector3f right = rays_[i + 1] - rays_[i], down = rays_[i + width] - rays_[i];
-    Color sum = {};
-    for (const auto& [a, b] : {std::pair{-0.375f, -0.125f}, {0.125f, -0.375f}, {0.375f, 0.125f}, {-0.125f, 0.375f}}) {
-      const Eigen::Vector3f ray = rays_[i] + a * right + b * down;
-      const Eigen::Vector3d direction = (rows_[y].rotation * ray.cast<double>()).normalized();
-      const Color color =
-          scene_->Shade(rows_[y].center, direction, scene_->Cast(rows_[y].center, direction), pixel_angle_);
-      sum += color * color;
-    }
-    smooth_[i] = sum * 0.25f;
-  }
-}
-
-void Renderer::Project(const Motion& motion, const float* p, float* u, float* v) const {
-  const float* r = motion.rotation;
-  const float z = r[6] * p[0] + r[7] * p[1] + r[8] * p[2] + motion.translation[2];
-  const float inverse = 1.f / std::max(z, 1e-3f);
-  const float x = (r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + motion.translation[0]) * inverse;
-  const float y = (r[3] * p[0] + r[4] * p[1] + r[5] * p[2] + motion.translation[1]) * inverse;
-  if (!camera_.HasDistortion()) {
-    *u = static_cast<float>(camera_.fx) * x + static_cast<float>(camera_.cx);
-    *v = static_cast<float>(camera_.fy) * y + static_cast<float>(camera_.cy);
-    return;
-  }
-  const Eigen::Vector2d pixel = camera_.Project(Eigen::Vector3d(x, y, 1));
-  *u = static_cast<float>(pixel.x());
-  *v = static_cast<float>(pixel.y());
-}
-
-void Renderer::BlurRow(int y) {
-  const int width = camera_.width, height = camera_.height;
-  const size_t row = static_cast<size_t>(y) * width;
-  if (!options_.motion_blur || options_.exposure <= 0) {
-    std::copy_n(smooth_.begin() + static_cast<std::ptrdiff_t>(row), width, blurred_.begin() + static_cast<std::ptrdiff_t>(row));
-    return;
-  }
-  const auto motion = [&](int x) {
-    const size_t i = row + x;
-    const float distance = std::min(distance_[i], 1e5f);
-    const float point[3] = {rays_[i].x() * distance, rays_[i].y() * distance, rays_[i].z() * distance};
-    float x0, y0, x1, y1;
-    Project(rows_[y].begin, point, &x0, &y0);
-    Project(rows_[y].end, point, &x1, &y1);
-    const float fx = static_cast<float>(x), fy = static_cast<float>(y);
-    return Color{x0 - fx, y0 - fy, x1 - fx, y1 - fy};
-  };
+  if (y == 0 || y + 1 == camera_.height) return;
+  const bool edge_row = y % kTile == 0 || y % kTile == kTile - 1;
   const uint8_t* plain = plain_.data() + static_cast<size_t>(y / kTile) * ((width + kTile - 1) / kTile);
-  Color tile_motion = {}, tile_step = {};
-  for (int x = 0; x < width; ++x) {
-    const size_t i = row + x;
-    const float fx = static_cast<float>(x), fy = static_cast<float>(y);
-    Color offset;
-    if (!plain[x / kTile]) {
-      offset = motion(x);
-    } else {
-      if (x % kTile == 0) {
-        const int last = std::min(x + kTile, width) - 1;
-        tile_motion = motion(x);
-        tile_step = last > x ? (motion(last) - tile_motion) * (1.f / static_cast<float>(last - x)) : Color{};
-      }
-      offset = tile_motion + tile_step * static_cast<float>(x % kTile);
-    }
-    const float x0 = offset[0], y0 = offset[1], x1 = offset[2], y1 = offset[3];
-    const float length = std::sqrt((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0));
-    if (length < 0.5f) {
-      blurred_[i] = smooth_[i];
+  for (int x = 1; x + 1 < width; ++x) {
+    if (!edge_row && plain[x / kTile] && x % kTile != 0 && x % kTile != kTile - 1) {
+      x += kTile - 2 - x % kTile;
       continue;
     }
-    // What passes over this pixel a part s of half the exposure before the middle lies, in the middle, at minus its motion.
-    const int half = std::clamp(static_cast<int>(length * 0.5f + 0.5f), 1, 24);
-    const float step = 1.f / (static_cast<float>(half) + 0.5f);
-    Color sum = smooth_[i];
-    const auto add = [&](float sx, float sy) {
-      const float px = std::clamp(fx - sx, 0.f, static_cast<float>(width - 1) - 0.001f);
-      const float py = std::clamp(fy - sy, 0.f, static_cast<float>(height - 1) - 0.001f);
-      const int ix = static_cast<int>(px), iy = static_cast<int>(py);
-      const float ax = px - static_cast<float>(ix), ay = py - static_cast<float>(iy);
-      const Color* p = smooth_.data() + static_cast<size_t>(iy) * width + ix;
-      const Color top = p[0] + (p[1] - p[0]) * ax, bottom = p[width] + (p[width + 1] - p[width]) * ax;
-      sum += top + (bottom - top) * ay;
-    };
-    for (int k = 1; k <= half; ++k) {
-      const float s = static_cast<float>(k) * step;
-      add(x0 * s, y0 * s);
-      add(x1 * s, y1 * s);
-    }
-    blurred_[i] = sum * (1.f / static_cast<float>(2 * half + 1));
+    SmoothPixel(x, y);
   }
 }
 
-void Renderer::DevelopRow(int y, const SensorState& sensor, Frame* frame) const {
+void Renderer::SmoothPixel(int x, int y) {
   const int width = camera_.width;
-  const auto& table = GaussianTable();
-  const float cx = static_cast<float>(width) / 2, cy = static_cast<float>(camera_.height) / 2;
-  const float falloff = sensor.vignetting / (cx * cx + cy * cy);
-  const float dy = static_cast<float>(y) - cy;
-  const uint64_t row_seed = Hash(sensor.seed, static_cast<uint64_t>(y));
-  const Color gain = Rgb(sensor.gain[0], sensor.gain[1], sensor.gain[2]);
-  uint8_t* out = frame->bgr.data() + static_cast<size_t>(y) * width * 3;
-  const Color* light = blurred_.data() + static_cast<size_t>(y) * width;
-  for (int x = 0; x < width; ++x, out += 3) {
-    const float dx = static_cast<float>(x) - cx;
-    const Color value = light[x] * gain * (1.f - falloff * (dx * dx + dy * dy));
-    const uint64_t random = Hash(row_seed + static_cast<uint64_t>(x));
-    // Photon noise is constant after the square root, so one figure serves for bright and dark.
-    for (int c = 0; c < 3; ++c) {
-      const float noise = table[(random >> (12 * c)) & 4095] * sensor.noise;
-      out[2 - c] = static_cast<uint8_t>(std::clamp(std::sqrt(value[c]) + noise + 0.5f, 0.f, 255.f));
-    }
+  const size_t i = static_cast<size_t>(y) * width + x;
+  const float jump = distance_[i] * static_cast<float>(6 / std::sqrt(camera_.fx * camera_.fy));
+  const auto differs = [&](size_t j) {
+    return surface_[i] != surface_[j] || std::abs(distance_[i] - distance_[j]) > jump;
+  };
+  if (!differs(i - 1) && !differs(i + 1) && !differs(i - width) && !differs(i + width)) return;
+  const Eigen::Vector3f right = rays_[i + 1] - rays_[i], down = rays_[i + width] - rays_[i];
+  const Beam& beam = beams_[static_cast<size_t>(y / kTile) * ((width + kTile - 1) / kTile) + x / kTile];
+  Color sum = {};
+  for (const auto& [a, b] : {std::pair{-0.375f, -0.125f}, {0.125f, -0.375f}, {0.375f, 0.125f}, {-0.125f, 0.375f}}) {
+    const Eigen::Vector3f ray = rays_[i] + a * right + b * down;
+    const Eigen::Vector3d direction = (rows_[y].rotation * ray.cast<double>()).normalized();
+    const Color color =
+        scene_->Shade(rows_[y].center, direction, scene_->Cast(rows_[y].center, direction, beam), pixel_angle_);
+    sum += color * color;
   }
+  light_[i] = PackLight(SquareRoot(sum * 0.25f));
 }
 
 }  // namespace mapmend::simulate

@@ -19,6 +19,8 @@ struct RenderOptions {
   double readout = 0;
   // Mipmap choice: 0 is the sampling limit, negative is sharper (and begins to alias), as a camera that sharpens.
   double lod_bias = -0.4;
+  // Unsharp mask in the camera: how much of the difference to the mean of 3 x 3 pixels is added.
+  double sharpening = 0;
   // true: the blur of every pixel along its own motion, from its depth and the poses at begin and end of the exposure.
   // Exact for each surface; where surfaces occlude each other the background behind a moving edge is approximate.
   // false: no blur.
@@ -34,15 +36,39 @@ struct SensorState {
   uint64_t seed = 0;
 };
 
+// Squares of stored values, proportional to light; rounded to integers.
+using Light = uint16_t __attribute__((vector_size(8)));
+inline Light PackLight(const Color& stored) {
+  const Color light = stored * stored + 0.5f;
+#if defined(__SSE4_1__)
+  const __m128i whole = _mm_cvttps_epi32(light);
+  Light result;
+  _mm_storel_epi64(reinterpret_cast<__m128i*>(&result), _mm_packus_epi32(whole, whole));
+  return result;
+#else
+  const auto pack = [](float v) { return static_cast<uint16_t>(std::min(v, 65535.f)); };
+  return Light{pack(light[0]), pack(light[1]), pack(light[2]), pack(light[3])};
+#endif
+}
+inline Color UnpackLight(const Light& light) {
+#if defined(__SSE4_1__)
+  return _mm_cvtepi32_ps(_mm_cvtepu16_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(&light))));
+#else
+  return {static_cast<float>(light[0]), static_cast<float>(light[1]), static_cast<float>(light[2]),
+          static_cast<float>(light[3])};
+#endif
+}
+
 // A finished picture, blue green red.
 struct Frame {
   int width = 0, height = 0;
   std::vector<uint8_t> bgr;
 };
 
-// Renders frames of a scene: one ray a pixel and four on edges, then blur, then the sensor. Where a tile of 8 x 8 pixels is sure to
-// show nothing but even ground, rays are cast at its corners only and inverse depth is interpolated, as is exact for a plane. A frame depends on
-// nothing but the arguments. Not thread-safe (it owns buffers); threads inside do not change the result.
+// Renders frames of a scene: one ray a pixel and four on edges, then blur, then the sensor. Where a tile of 8 x 8 or 4
+// x 4 pixels is sure to show nothing but even ground or one face, rays are cast at its corners only and inverse depth
+// is interpolated, as is exact for a plane. A frame depends on nothing but the arguments. Not thread-safe (it owns
+// buffers); threads inside do not change the result.
 class Renderer {
  public:
   Renderer(const Scene* scene, const Camera& camera, const RenderOptions& options);
@@ -56,6 +82,8 @@ class Renderer {
   Eigen::Vector3d Ray(int x, int y) const;
 
  private:
+  static constexpr int kTile = 8;
+
   struct Motion {
     float rotation[9], translation[3];
   };
@@ -65,13 +93,34 @@ class Renderer {
     Motion begin, end;  // camera then from camera at the middle of the exposure
   };
 
+  // Corners: upper left, lower left, upper right, lower right.
+  struct PlainTile {
+    int x0, y0, x1, y1;  // of the corners
+    int x_end, y_end;    // of the pixels to fill
+    int surface;
+    const Texture* texture;
+    Color tint;         // multiplies the texture
+    double u[4], v[4];  // texels
+    double inverse[4];  // inverse depth: it, and texels times it, are linear in the pixel
+  };
+
   void CastTiles(int tile_row);
-  void CastPixel(int x, int y);
-  // Fills a tile of plain ground from its corners' rays; false if it is not plain.
-  bool FillPlainTile(int x0, int y0, int x1, int y1, const Hit* hits);
+  void CastPixel(int x, int y, const Beam& beam);
+  void CastTile(int x0, int y0, int x1, int y1, const Beam& beam, const Hit* hits);
+  // Fills pixels x0 .. x_end - 1, y0 .. y_end - 1 from the rays of the corners (x0, y0) and (x1, y1) if they show one
+  // even surface; false if not.
+  bool FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_end, const Beam& beam, const Hit* hits);
+  // The common case, seen steeply from above: one level of detail for the whole tile. False if it is at the texture's
+  // border.
+  bool PaintPlainTile(const PlainTile& tile, float lod);
   void SmoothEdges(int y);
-  void BlurRow(int y);
-  void DevelopRow(int y, const SensorState& sensor, Frame* frame) const;
+  void SmoothPixel(int x, int y);
+  // Light of a row after motion blur.
+  void BlurRow(int y, Color* blurred) const;
+  // Light to stored values, without noise; in place.
+  void ExposeRow(int y, const SensorState& sensor, Color* row) const;
+  // Rows [begin, end) of the finished picture.
+  void DevelopRows(int begin, int end, const SensorState& sensor, Frame* frame) const;
   // Pixel of a point in the camera, as Camera::Project, in single precision.
   void Project(const Motion& motion, const float* point, float* x, float* y) const;
 
@@ -79,12 +128,15 @@ class Renderer {
   Camera camera_;
   RenderOptions options_;
   double pixel_angle_ = 0;
+  bool distorted_ = false;
   std::vector<Eigen::Vector3f> rays_;
+  std::vector<float> ray_stretch_;  // 1 / rays_.z: distance over depth
   std::vector<RowPose> rows_;
   std::vector<float> distance_;
   std::vector<int> surface_;
   std::vector<uint8_t> plain_;  // per tile: FillPlainTile has filled it
-  std::vector<Color> sharp_, smooth_, blurred_;  // squares of the stored values: proportional to light
+  std::vector<Beam> beams_;     // per tile
+  std::vector<Light> light_;    // before blur
 };
 
 }  // namespace mapmend::simulate

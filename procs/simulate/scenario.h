@@ -24,7 +24,8 @@ struct TrajectoryOptions {
   double tilt_deg = 90;   // camera below the horizon
   double smoothing = 1;   // seconds over which corners are rounded
   double turn_rate = 60;  // degrees a second where the heading changes at a corner
-  // survey: S-shaped strips, the first from start along heading, the others to its left (or right if spacing is negative)
+  // survey: S-shaped strips, the first from start along heading, the others to its left (or right if spacing is
+  // negative)
   Eigen::Vector3d start = {0, 0, 70};
   double heading_deg = 0;
   double strip_length = 100, spacing = 20;
@@ -37,12 +38,12 @@ struct TrajectoryOptions {
 };
 
 struct ShakeOptions {
-  double attitude_deg = 0.4;   // RMS of wind in each angle
-  double position = 0.15;      // RMS of wind in each axis, metres
-  double corner_hz = 0.4;      // of the Dryden spectrum
-  double vibration_deg = 0.01; // RMS, 20 to 60 Hz
-  double gait_hz = 0;          // steps a second; 0: nobody walks
-  double gait = 0.03;          // metres up and down, half as much sideways
+  double attitude_deg = 0.4;    // RMS of wind in each angle
+  double position = 0.15;       // RMS of wind in each axis, metres
+  double corner_hz = 0.4;       // of the Dryden spectrum
+  double vibration_deg = 0.01;  // RMS, 20 to 60 Hz
+  double gait_hz = 0;           // steps a second; 0: nobody walks
+  double gait = 0.03;           // metres up and down, half as much sideways
 };
 
 struct Event {
@@ -64,6 +65,7 @@ struct SensorOptions {
   double noise = 2.0, vignetting = 0.2;
   double exposure_drift = 0.08, white_balance_drift = 0.03;  // relative, RMS, over tens of seconds
   double lod_bias = -0.4;
+  double sharpening = 0;
   bool motion_blur = true;
 };
 
@@ -100,9 +102,9 @@ struct Scenario {
   void Check() const;
 };
 
-// Reads a scenario from a file, or by name from folder/NAME.yaml. A scenario may name another as its `base` and then says only
-// what differs. Throws std::runtime_error with one line that names the file and the unknown or wrong key; for an unknown
-// name it lists those there are.
+// Reads a scenario from a file, or by name from folder/NAME.yaml. A scenario may name another as its `base` and then
+// says only what differs. Throws std::runtime_error with one line that names the file and the unknown or wrong key; for
+// an unknown name it lists those there are.
 Scenario ReadScenario(const std::string& file_or_name, const std::string& folder);
 // Names in the folder, sorted, with their descriptions.
 std::vector<std::pair<std::string, std::string>> ListScenarios(const std::string& folder);

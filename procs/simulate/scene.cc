@@ -46,7 +46,7 @@ void Scene::Build() {
   };
   while (static_cast<int>(levels_.size()) <= kLeaf) halve();
 
-  obstacles_ = levels_[1];
+  obstacles_ = levels_[0];
   Level& leaf = levels_[kLeaf];
   std::vector<std::vector<int>> lists(leaf.max.size());
   const double block = grid.spacing * (1 << kLeaf);
@@ -62,12 +62,14 @@ void Scene::Build() {
         leaf.max[cell] = std::max(leaf.max[cell], static_cast<float>(solid.high.z()) + 1e-3f);
       }
     }
-    const double cell = 2 * grid.spacing;
+    const double cell = grid.spacing;
     const auto cell_index = [&](double value, double origin, int count) {
       return std::clamp(static_cast<int>(std::floor((value - origin) / cell)), 0, count - 1);
     };
-    for (int j = cell_index(solid.low.y(), grid.y0, obstacles_.height); j <= cell_index(solid.high.y(), grid.y0, obstacles_.height); ++j) {
-      for (int i = cell_index(solid.low.x(), grid.x0, obstacles_.width); i <= cell_index(solid.high.x(), grid.x0, obstacles_.width); ++i) {
+    for (int j = cell_index(solid.low.y(), grid.y0, obstacles_.height);
+         j <= cell_index(solid.high.y(), grid.y0, obstacles_.height); ++j) {
+      for (int i = cell_index(solid.low.x(), grid.x0, obstacles_.width);
+           i <= cell_index(solid.high.x(), grid.x0, obstacles_.width); ++i) {
         float& max = obstacles_.max[static_cast<size_t>(j) * obstacles_.width + i];
         max = std::max(max, static_cast<float>(solid.high.z()) + 1e-3f);
       }
@@ -88,36 +90,6 @@ void Scene::Build() {
   while (levels_.back().width > 1 || levels_.back().height > 1) halve();
 }
 
-bool Scene::GroundIsClear(const Eigen::Vector3d* points, const Eigen::Vector3d* directions) const {
-  double z = kInfinity;
-  for (int k = 0; k < 4; ++k) {
-    if (directions[k].z() > -0.35) return false;
-    z = std::min(z, points[k].z());
-  }
-  // Slices of the pyramid, each twice as high as the one below it.
-  const double top = levels_.back().max[0], scale = 0.5 / grid.spacing;
-  for (double low = 0, high = 1; z + low <= top; low = high, high *= 2) {
-    double x0 = kInfinity, x1 = -kInfinity, y0 = kInfinity, y1 = -kInfinity;
-    for (int k = 0; k < 4; ++k) {
-      for (const double h : {low, high}) {
-        const double s = h / directions[k].z();
-        const double x = points[k].x() + s * directions[k].x(), y = points[k].y() + s * directions[k].y();
-        x0 = std::min(x0, x), x1 = std::max(x1, x), y0 = std::min(y0, y), y1 = std::max(y1, y);
-      }
-    }
-    const int i0 = std::max(0, static_cast<int>((x0 - grid.x0) * scale)), i1 = std::min(obstacles_.width - 1, static_cast<int>((x1 - grid.x0) * scale));
-    const int j0 = std::max(0, static_cast<int>((y0 - grid.y0) * scale)), j1 = std::min(obstacles_.height - 1, static_cast<int>((y1 - grid.y0) * scale));
-    if ((i1 - i0 + 1) * (j1 - j0 + 1) > 100) return false;
-    const auto limit = static_cast<float>(z + (low == 0 ? 0.4 : low));  // the ground itself may slope a little
-    for (int j = j0; j <= j1; ++j) {
-      for (int i = i0; i <= i1; ++i) {
-        if (obstacles_.max[static_cast<size_t>(j) * obstacles_.width + i] > limit) return false;
-      }
-    }
-  }
-  return true;
-}
-
 void Scene::CastSolid(int solid, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, Hit* best) const {
   double enter = 1e-6, leave = best->distance;
   int face = -1;
@@ -131,8 +103,10 @@ void Scene::CastSolid(int solid, const Eigen::Vector3d& origin, const Eigen::Vec
       if (t > enter) enter = t, face = f;
     } else {
       if (gap < enter * slope) return;
-      if (slope > 0) leave = std::min(leave, gap / slope);
-      else if (gap < 0) return;
+      if (slope > 0)
+        leave = std::min(leave, gap / slope);
+      else if (gap < 0)
+        return;
     }
     if (enter > leave) return;
   }
@@ -141,7 +115,61 @@ void Scene::CastSolid(int solid, const Eigen::Vector3d& origin, const Eigen::Vec
   best->surface = 1 + 8 * solid + face;
 }
 
-Hit Scene::Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const {
+void Scene::CastCell(int i, int j, const GridRay& ray, double t, double t_out, Hit* best) const {
+  const double z00 = grid.At(i, j), z10 = grid.At(i + 1, j), z01 = grid.At(i, j + 1), z11 = grid.At(i + 1, j + 1);
+  // Height of the ray above a triangle's plane is a + b t; it comes from above: b < 0.
+  const auto cross = [&](double z, double slope_x, double slope_y, double corner_x, double corner_y, bool lower) {
+    const double a = ray.oz - z - slope_x * (ray.ox - corner_x) - slope_y * (ray.oy - corner_y);
+    const double b = ray.dz - slope_x * ray.dx - slope_y * ray.dy;
+    if (b >= 0) return;
+    const double hit = -a / b;
+    if (hit < t - 1e-6 || hit > t_out + 1e-6 || hit >= best->distance || hit <= 0) return;
+    const double sum = ray.ox + hit * ray.dx - i + ray.oy + hit * ray.dy - j;
+    if (lower ? sum > 1 + 1e-9 : sum < 1 - 1e-9) return;
+    best->distance = hit;
+    best->surface = Hit::kGround;
+    best->slope = static_cast<float>(std::sqrt(slope_x * slope_x + slope_y * slope_y) / grid.spacing);
+  };
+  cross(z00, z10 - z00, z01 - z00, i, j, true);
+  cross(z11, z11 - z01, z11 - z10, i + 1, j + 1, false);
+}
+
+bool Scene::CastDown(const GridRay& ray, double height, Hit* best) const {
+  const Level& cells = levels_[0];
+  double t = std::max(0.0, (height - ray.oz) / ray.dz);
+  const double x = ray.ox + t * ray.dx, y = ray.oy + t * ray.dy;
+  if (x < 0 || y < 0) return false;
+  int i = static_cast<int>(x), j = static_cast<int>(y);
+  const int step_i = ray.dx > 0 ? 1 : -1, step_j = ray.dy > 0 ? 1 : -1;
+  const double per_x = ray.dx != 0 ? std::abs(1 / ray.dx) : kInfinity,
+               per_y = ray.dy != 0 ? std::abs(1 / ray.dy) : kInfinity;
+  double next_x = ray.dx != 0 ? t + (ray.dx > 0 ? i + 1 - x : x - i) * per_x : kInfinity;
+  double next_y = ray.dy != 0 ? t + (ray.dy > 0 ? j + 1 - y : y - j) * per_y : kInfinity;
+  while (i >= 0 && j >= 0 && i < cells.width && j < cells.height) {
+    const double t_out = std::min(next_x, next_y);
+    if (ray.oz + ray.dz * t_out <= cells.max[static_cast<size_t>(j) * cells.width + i]) {
+      CastCell(i, j, ray, t, t_out, best);
+      if (best->surface == Hit::kGround) return true;
+    }
+    t = t_out;
+    if (t == kInfinity) return false;
+    const int old_i = i, old_j = j;
+    if (next_x < next_y) {
+      i += step_i;
+      next_x += per_x;
+    } else {
+      j += step_j;
+      next_y += per_y;
+    }
+    if (((old_i ^ i) | (old_j ^ j)) >> kLeaf == 0) continue;
+    if (i < 0 || j < 0 || i >= cells.width || j >= cells.height) return false;
+    const size_t block = static_cast<size_t>(j >> kLeaf) * levels_[kLeaf].width + (i >> kLeaf);
+    if (list_begin_[block] != list_begin_[block + 1]) return false;
+  }
+  return false;
+}
+
+Hit Scene::Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, const Beam& beam) const {
   // In cells of the grid, so that cell borders are integers.
   const double ox = (origin.x() - grid.x0) / grid.spacing, oy = (origin.y() - grid.y0) / grid.spacing;
   const double dx = direction.x() / grid.spacing, dy = direction.y() / grid.spacing;
@@ -149,8 +177,10 @@ Hit Scene::Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction)
   const double ix = dx != 0 ? 1 / dx : kInfinity, iy = dy != 0 ? 1 / dy : kInfinity, iz = dz != 0 ? 1 / dz : 0;
   const int cells_x = levels_[0].width, cells_y = levels_[0].height;
 
+  const GridRay ray{ox, oy, oz, dx, dy, dz};
   Hit best;
   best.distance = kInfinity;
+  if (!beam.solids && CastDown(ray, beam.height, &best)) return best;
   double t = 0, t_end = kInfinity;
   if (dx != 0) {
     const double a = -ox * ix, b = (cells_x - ox) * ix;
@@ -166,12 +196,14 @@ Hit Scene::Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction)
   } else if (oy < 0 || oy >= cells_y) {
     return best;
   }
-  const double top_z = levels_.back().max[0];
-  if (dz < 0) t = std::max(t, (top_z - oz) / dz);
-  else if (oz > top_z) return best;
+  const double top_z = std::min<double>(levels_.back().max[0], beam.height);
+  if (dz < 0)
+    t = std::max(t, (top_z - oz) * iz);
+  else if (oz > top_z)
+    return best;
 
   const int top = static_cast<int>(levels_.size()) - 1;
-  int level = std::min(top, kLeaf + 2);
+  int level = std::min(top, beam.solids ? kLeaf + (beam.height < 1e29 ? 0 : 2) : 1);
   while (t < t_end && t < best.distance) {
     const double probe = t + kStep;
     const int ci = std::clamp(static_cast<int>(ox + probe * dx), 0, cells_x - 1);
@@ -195,23 +227,7 @@ Hit Scene::Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction)
         --level;
         continue;
       }
-      const double z00 = grid.At(ci, cj), z10 = grid.At(ci + 1, cj), z01 = grid.At(ci, cj + 1),
-                   z11 = grid.At(ci + 1, cj + 1);
-      // Height of the ray above a triangle's plane is a + b t; it comes from above: b < 0.
-      const auto cross = [&](double z, double slope_x, double slope_y, double corner_x, double corner_y, bool lower) {
-        const double a = oz - z - slope_x * (ox - corner_x) - slope_y * (oy - corner_y);
-        const double b = dz - slope_x * dx - slope_y * dy;
-        if (b >= 0) return;
-        const double hit = -a / b;
-        if (hit < t - 1e-6 || hit > t_out + 1e-6 || hit >= best.distance || hit <= 0) return;
-        const double sum = ox + hit * dx - ci + oy + hit * dy - cj;
-        if (lower ? sum > 1 + 1e-9 : sum < 1 - 1e-9) return;
-        best.distance = hit;
-        best.surface = Hit::kGround;
-        best.slope = static_cast<float>(std::sqrt(slope_x * slope_x + slope_y * slope_y) / grid.spacing);
-      };
-      cross(z00, z10 - z00, z01 - z00, ci, cj, true);
-      cross(z11, z11 - z01, z11 - z10, ci + 1, cj + 1, false);
+      CastCell(ci, cj, ray, t, t_out, &best);
       if (best.surface == Hit::kGround && best.distance <= t_out + 1e-6) break;
     }
     t = t_out;

@@ -11,8 +11,8 @@ namespace mapmend::simulate {
 
 // World: metres, x east, y north, z up.
 
-// Heights on a square grid; between the vertices two triangles per cell, cut from (i + 1, j) to (i, j + 1). Vertex (i, j)
-// lies at (x0 + i * spacing, y0 + j * spacing).
+// Heights on a square grid; between the vertices two triangles per cell, cut from (i + 1, j) to (i, j + 1). Vertex (i,
+// j) lies at (x0 + i * spacing, y0 + j * spacing).
 struct HeightGrid {
   double x0 = 0, y0 = 0, spacing = 1;
   int width = 0, height = 0;  // vertices
@@ -50,6 +50,13 @@ struct Hit {
   float slope = 0;  // of the ground: tangent of its steepness
 };
 
+// A bundle of rays seen steeply from above: nothing is in it above this height, and, where `solids` is false, no solid
+// lies in the blocks of the grid in which its rays pass that height.
+struct Beam {
+  double height = 1e30;
+  bool solids = true;
+};
+
 // A textured height field with convex solids on it. Immutable after Build; safe to share between threads.
 class Scene {
  public:
@@ -60,20 +67,29 @@ class Scene {
   std::shared_ptr<const Texture> detail;  // grey, mean 128, repeated
   std::vector<Solid> solids;
   std::vector<std::shared_ptr<const Texture>> textures;
-  double survey_height = 500;             // above everything; indoors, below the ceiling
+  double survey_height = 500;  // above everything; indoors, below the ceiling
   Color sky_low = Rgb(205, 215, 228), sky_high = Rgb(120, 165, 220);
 
   // Call after the public members are set, and once.
   void Build();
   // First surface on origin + distance * direction, distance > 0. direction has unit length.
-  Hit Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const;
-  // True if between the rays nothing is in front of the ground: the four rays of the corners of a small piece of the image, seen
-  // steeply from above, have hit it at `points`, and no solid, tree or other relief reaches into the pyramid they span.
-  bool GroundIsClear(const Eigen::Vector3d* points, const Eigen::Vector3d* directions) const;
+  Hit Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const {
+    return Cast(origin, direction, Beam{});
+  }
+  // The same for a ray within a beam whose upper part is known to be empty.
+  Hit Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, const Beam& beam) const;
+  // What is sure to be empty between four rays, the corners of a small piece of the image. All Beam{} promises is
+  // nothing.
+  Beam ClearBeam(const Eigen::Vector3d* origins, const Eigen::Vector3d* directions) const;
+  // True if the beam's rays, which hit `surface` (the ground or a face) at four points, must hit it everywhere between:
+  // nothing else reaches into the beam. The ground may still be uneven by 0.4 m.
+  bool IsClear(const Beam& beam, const Eigen::Vector3d* points, const Eigen::Vector3d* directions, int surface) const;
   // Colour there, [0, 255] as a camera without noise would store it. pixel_angle: radians between neighbouring rays.
-  Color Shade(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, const Hit& hit, double pixel_angle) const;
+  Color Shade(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, const Hit& hit,
+              double pixel_angle) const;
 
-  Color ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& direction, double footprint, double slope) const;
+  Color ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& direction, double footprint,
+                    double slope) const;
 
  private:
   struct Level {
@@ -83,12 +99,35 @@ class Scene {
   struct Plane {
     double x, y, z, offset;
   };
+  // Cells first to last, both included, in x and in y.
+  struct Cells {
+    int x0, x1, y0, y1;
+  };
 
+  // Four rays by height: (x + (height - z) * slope_x, y + (height - z) * slope_y).
+  struct Fan {
+    Fan(const Eigen::Vector3d* points, const Eigen::Vector3d* directions);
+    double x[4], y[4], z[4], slope_x[4], slope_y[4];
+  };
+
+  // The blocks of 2^level cells that the rays pass between the heights low and high.
+  Cells CellsBetween(double low, double high, const Fan& fan, int level) const;
+  static float Greatest(const Level& level, const Cells& cells);
+
+  // A ray in cells of the grid, so that cell borders are integers; heights in metres.
+  struct GridRay {
+    double ox, oy, oz, dx, dy, dz;
+  };
+  // Where the ray crosses the two triangles of a cell from above, between t and t_out.
+  void CastCell(int i, int j, const GridRay& ray, double t, double t_out, Hit* best) const;
+  // A steep ray that meets nothing but the height field, cell by cell from `height` down. False if it leaves the grid
+  // or comes to a block with solids.
+  bool CastDown(const GridRay& ray, double height, Hit* best) const;
   void CastSolid(int solid, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, Hit* best) const;
 
   static constexpr int kLeaf = 3;  // solids are listed per block of 2^3 cells
-  std::vector<Level> levels_;  // greatest height of blocks of cells; solids count from kLeaf upwards
-  Level obstacles_;            // the same for blocks of 2 x 2 cells, with solids
+  std::vector<Level> levels_;      // greatest height of blocks of cells; solids count from kLeaf upwards
+  Level obstacles_;                // of single cells, with solids
   std::vector<uint32_t> list_begin_;
   std::vector<int> lists_;
   std::vector<Plane> planes_;  // 8 per solid, unused ones never cut
@@ -97,10 +136,11 @@ class Scene {
 
 // A box standing on the ground, turned by yaw (radians) about its vertical axis. Faces: +x, -x, +y, -y, top, bottom.
 Solid MakeBox(const Eigen::Vector3d& center, const Eigen::Vector3d& size, double yaw);
-// The same with a gabled roof of roof_height on top, the ridge along its x axis. Faces: +x, -x, +y, -y, roof +y, roof -y.
+// The same with a gabled roof of roof_height on top, the ridge along its x axis. Faces: +x, -x, +y, -y, roof +y, roof
+// -y.
 Solid MakeHouse(const Eigen::Vector3d& center, const Eigen::Vector3d& size, double yaw, double roof_height);
 // Lays a texture on a face: its corner (0, 0) at origin, u and v axes along the (unit) directions.
-void LayTexture(Face* face, int texture, const Eigen::Vector3d& origin, const Eigen::Vector3d& u, const Eigen::Vector3d& v,
-                double texels_per_metre);
+void LayTexture(Face* face, int texture, const Eigen::Vector3d& origin, const Eigen::Vector3d& u,
+                const Eigen::Vector3d& v, double texels_per_metre);
 
 }  // namespace mapmend::simulate

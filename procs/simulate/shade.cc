@@ -41,7 +41,8 @@ Color Scene::ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& di
   const double width = footprint * scale;
   const double horizontal = std::sqrt(std::max(1e-12, 1 - direction.z() * direction.z()));
   const double length = width * stretch / horizontal;
-  // Seen from above a steep side, of a tree say, has few texels: blur their streaks away and let the detail replace them.
+  // Seen from above a steep side, of a tree say, has few texels: blur their streaks away and let the detail replace
+  // them.
   const double steep = std::max(1.0, 0.8 * slope);
   Color color = SampleFootprint(*ground, static_cast<float>(x), static_cast<float>(y),
                                 static_cast<float>(length * direction.x()), static_cast<float>(length * direction.y()),
@@ -51,7 +52,8 @@ Color Scene::ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& di
   if (steep > 1) {
     const int size = detail->Width();
     const auto wrap = [size](double v) { return static_cast<float>(v - std::floor(v / size) * size); };
-    const float grey = detail->Sample(wrap(x + 0.7 * scale * point.z()), wrap(y + 0.9 * scale * point.z()), Log2(static_cast<float>(width)))[0];
+    const float grey = detail->Sample(wrap(x + 0.7 * scale * point.z()), wrap(y + 0.9 * scale * point.z()),
+                                      Log2(static_cast<float>(width)))[0];
     color *= 1.f + 2.5f * ground_detail * static_cast<float>(std::min(1.0, steep - 1)) * (grey - 128.f) * (1.f / 128);
   }
   double octave = 2.7;
@@ -82,10 +84,10 @@ Color Scene::Shade(const Eigen::Vector3d& origin, const Eigen::Vector3d& directi
   const Eigen::Vector3d along = direction + face.normal * -face.normal.dot(direction);
   const double sine = std::max(1e-6, along.norm());
   const double width = footprint * face.texels_per_metre, length = footprint / (cosine * sine);
-  const Color texel = SampleFootprint(*textures[face.texture], static_cast<float>(face.u.dot(point) + face.u0),
-                                      static_cast<float>(face.v.dot(point) + face.v0),
-                                      static_cast<float>(length * face.u.dot(along)),
-                                      static_cast<float>(length * face.v.dot(along)), static_cast<float>(width));
+  const Color texel =
+      SampleFootprint(*textures[face.texture], static_cast<float>(face.u.dot(point) + face.u0),
+                      static_cast<float>(face.v.dot(point) + face.v0), static_cast<float>(length * face.u.dot(along)),
+                      static_cast<float>(length * face.v.dot(along)), static_cast<float>(width));
   return texel * face.color;
 }
 

@@ -23,7 +23,8 @@ void AddLakes(const CameraMotion& motion, Scenario* scenario) {
     const auto before = motion.Path(event.at), after = motion.Path(event.at + event.duration);
     const Camera& camera = scenario->camera;
     const double tilt = middle[4], reach = middle[2] / std::max(0.2, std::tan(tilt));
-    const double half = middle[2] / std::sin(tilt) * 0.5 * std::hypot(camera.width / camera.fx, camera.height / camera.fy);
+    const double half =
+        middle[2] / std::sin(tilt) * 0.5 * std::hypot(camera.width / camera.fx, camera.height / camera.fy);
     const double dx = after[0] - before[0], dy = after[1] - before[1];
     Lake lake;
     lake.x = middle[0] + reach * std::cos(middle[3]);
@@ -40,10 +41,14 @@ std::unique_ptr<Scene> BuildScene(const Scenario& scenario, const std::string& d
   AerialOptions aerial = scenario.scene.aerial;
   aerial.num_threads = num_threads;
   switch (scenario.scene.kind) {
-    case SceneOptions::Kind::kAerial: return BuildAerialScene(aerial, materials);
-    case SceneOptions::Kind::kStreet: return BuildStreetScene(scenario.scene.width, scenario.scene.length, aerial.seed, materials, num_threads);
-    case SceneOptions::Kind::kOffice: return BuildOfficeScene(scenario.scene.width, scenario.scene.length, aerial.seed, materials, num_threads);
-    case SceneOptions::Kind::kCorridor: return BuildCorridorScene(scenario.scene.width, scenario.scene.length, aerial.seed, materials, num_threads);
+    case SceneOptions::Kind::kAerial:
+      return BuildAerialScene(aerial, materials);
+    case SceneOptions::Kind::kStreet:
+      return BuildStreetScene(scenario.scene.width, scenario.scene.length, aerial.seed, materials, num_threads);
+    case SceneOptions::Kind::kOffice:
+      return BuildOfficeScene(scenario.scene.width, scenario.scene.length, aerial.seed, materials, num_threads);
+    case SceneOptions::Kind::kCorridor:
+      return BuildCorridorScene(scenario.scene.width, scenario.scene.length, aerial.seed, materials, num_threads);
   }
   return nullptr;
 }
@@ -61,6 +66,7 @@ Simulator::Simulator(const Scenario& scenario, const std::string& data_folder, i
   options.exposure = scenario_.sensor.exposure_ms * 1e-3;
   options.readout = scenario_.sensor.readout_ms * 1e-3;
   options.lod_bias = scenario_.sensor.lod_bias;
+  options.sharpening = scenario_.sensor.sharpening;
   options.motion_blur = scenario_.sensor.motion_blur;
   options.num_threads = num_threads;
   renderer_ = std::make_unique<Renderer>(scene_.get(), scenario_.camera, options);
@@ -74,7 +80,8 @@ int64_t Simulator::Utime(int index) const { return std::llround((scenario_.start
 
 bool Simulator::LeftOut(int index) const {
   for (const Event& event : scenario_.events) {
-    if (event.kind == Event::Kind::kSkip && Time(index) >= event.at && Time(index) < event.at + event.duration) return true;
+    if (event.kind == Event::Kind::kSkip && Time(index) >= event.at && Time(index) < event.at + event.duration)
+      return true;
   }
   return false;
 }

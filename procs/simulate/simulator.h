@@ -43,7 +43,8 @@ class Simulator {
 // gps.csv, events.json, terrain.ply. Everything is written once all frames are there; the video gets its name last.
 //   progress  called after each frame with the number done and the number of all; returns false to stop
 // Returns false if stopped (nothing is left then). Throws std::runtime_error with one line.
-bool WriteRun(Simulator* simulator, int first, int last, const std::string& dir, const std::function<bool(int, int)>& progress);
+bool WriteRun(Simulator* simulator, int first, int last, const std::string& dir,
+              const std::function<bool(int, int)>& progress);
 
 // The files' texts, for the frames that are not left out.
 std::string FormatCamera(const Scenario& scenario);

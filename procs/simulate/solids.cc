@@ -50,8 +50,8 @@ Solid MakeHouse(const Eigen::Vector3d& center, const Eigen::Vector3d& size, doub
   return solid;
 }
 
-void LayTexture(Face* face, int texture, const Eigen::Vector3d& origin, const Eigen::Vector3d& u, const Eigen::Vector3d& v,
-                double texels_per_metre) {
+void LayTexture(Face* face, int texture, const Eigen::Vector3d& origin, const Eigen::Vector3d& u,
+                const Eigen::Vector3d& v, double texels_per_metre) {
   face->texture = texture;
   face->texels_per_metre = static_cast<float>(texels_per_metre);
   face->u = u * texels_per_metre;

@@ -19,7 +19,8 @@ void PaintFacade(Canvas* canvas, const MaterialLibrary& materials, Random* rando
                            : MutedColor(random, 140, 225);
   canvas->Fill(0, 0, width, height, [&](double x, double y, const Color&) {
     const double dirt = 0.12 * Fbm(x / 1.7, y / 3.1, 5, 0.62, seed + 3);
-    const Color wall = brick ? Bricks(x, y, base, seed) : base * static_cast<float>(1 + 0.05 * Fbm(x / 0.06, y / 0.06, 2, 0.7, seed));
+    const Color wall =
+        brick ? Bricks(x, y, base, seed) : base * static_cast<float>(1 + 0.05 * Fbm(x / 0.06, y / 0.06, 2, 0.7, seed));
     return wall * static_cast<float>(1 + dirt);
   });
   canvas->Rect(0, 0, width, 0.25, base * 1.2f);
@@ -36,7 +37,8 @@ void PaintFacade(Canvas* canvas, const MaterialLibrary& materials, Random* rando
       canvas->Fill(x, y, win_w, win_h, [&](double px, double py, const Color&) {
         return Rgb(58, 68, 80) * static_cast<float>(dark * (1 + 0.5 * Fbm(px, py / 0.7, 3, 0.6, glass)));
       });
-      if (random->Int(3) == 0) canvas->Rect(x, y, win_w * random->Uniform(0.2, 1), win_h * random->Uniform(0.2, 0.9), Rgb(190, 184, 170));
+      if (random->Int(3) == 0)
+        canvas->Rect(x, y, win_w * random->Uniform(0.2, 1), win_h * random->Uniform(0.2, 0.9), Rgb(190, 184, 170));
       canvas->Rect(x + win_w / 2 - 0.03, y, 0.06, win_h, frame);
       if (random->Int(2) == 0) canvas->Rect(x, y + win_h * 0.4, win_w, 0.05, frame);
     }
@@ -66,7 +68,8 @@ void PaintFacade(Canvas* canvas, const MaterialLibrary& materials, Random* rando
   if (random->Int(2) == 0) canvas->Rect(width - 0.25, 0.3, 0.1, height - 0.3, Rgb(110, 108, 104));
 }
 
-void AddBuilding(Scene* scene, const Eigen::Vector3d& center, const Eigen::Vector3d& size, double yaw, const std::array<bool, 4>& sides, const MaterialLibrary& materials, Random* random) {
+void AddBuilding(Scene* scene, const Eigen::Vector3d& center, const Eigen::Vector3d& size, double yaw,
+                 const std::array<bool, 4>& sides, const MaterialLibrary& materials, Random* random) {
   BoxPaint paint;
   paint.texels_per_metre = 36;
   paint.plain = Rgb(random->Uniform(120, 190), random->Uniform(115, 180), random->Uniform(105, 170));
@@ -79,17 +82,21 @@ void AddBuilding(Scene* scene, const Eigen::Vector3d& center, const Eigen::Vecto
 }
 
 // Houses side by side on one side of a leg of the street, from `from` towards `to`; `out` points away from the road.
-void AddRow(Scene* scene, const Eigen::Vector3d& from, const Eigen::Vector3d& to, const Eigen::Vector3d& out, double depth, const MaterialLibrary& materials, Random* random) {
+void AddRow(Scene* scene, const Eigen::Vector3d& from, const Eigen::Vector3d& to, const Eigen::Vector3d& out,
+            double depth, const MaterialLibrary& materials, Random* random) {
   const Eigen::Vector3d along = (to - from).normalized();
   const double length = (to - from).norm(), yaw = std::atan2(along.y(), along.x());
   for (double s = 0; s < length - 4;) {
     double width = std::min(random->Uniform(8, 18), length - s);
     if (length - s - width < 6) width = length - s;
-    const double height = random->Uniform(7, 16), gap = random->Uniform() < 0.12 ? 3.0 : 0.0, back = random->Uniform(0, 0.8);
-    const Eigen::Vector3d center = from + (s + width / 2) * along + (back + depth / 2) * out + Eigen::Vector3d(0, 0, height / 2 - 0.1);
+    const double height = random->Uniform(7, 16), gap = random->Uniform() < 0.12 ? 3.0 : 0.0,
+                 back = random->Uniform(0, 0.8);
+    const Eigen::Vector3d center =
+        from + (s + width / 2) * along + (back + depth / 2) * out + Eigen::Vector3d(0, 0, height / 2 - 0.1);
     const Eigen::Vector3d y(-along.y(), along.x(), 0);
     const bool front_is_minus_y = y.dot(out) > 0;
-    AddBuilding(scene, center, {width - gap, depth, height}, yaw, {true, true, !front_is_minus_y, front_is_minus_y}, materials, random);
+    AddBuilding(scene, center, {width - gap, depth, height}, yaw, {true, true, !front_is_minus_y, front_is_minus_y},
+                materials, random);
     s += width;
   }
 }
@@ -139,7 +146,8 @@ void AddTree(Scene* scene, const Eigen::Vector3d& at, int leaves, double leaf_sc
   AddPaintedBox(scene, at + Eigen::Vector3d(0, 0, 1.4), {0.28, 0.28, 2.8}, random->Uniform(0, 3), trunk);
   for (int k = 0; k < 3; ++k) {
     const double radius = random->Uniform(1.0, 1.7);
-    const Eigen::Vector3d center = at + Eigen::Vector3d(random->Uniform(-0.7, 0.7), random->Uniform(-0.7, 0.7), random->Uniform(3, 4.6));
+    const Eigen::Vector3d center =
+        at + Eigen::Vector3d(random->Uniform(-0.7, 0.7), random->Uniform(-0.7, 0.7), random->Uniform(3, 4.6));
     Solid crown;
     const Eigen::Quaterniond turn(Eigen::AngleAxisd(random->Uniform(0, 3), Eigen::Vector3d(0.2, 0.3, 1).normalized()));
     for (int f = 0; f < 8; ++f) {
@@ -147,7 +155,8 @@ void AddTree(Scene* scene, const Eigen::Vector3d& at, int leaves, double leaf_sc
       face.normal = turn * Eigen::Vector3d(f & 1 ? 1 : -1, f & 2 ? 1 : -1, f & 4 ? 1 : -1).normalized();
       face.offset = face.normal.dot(center) + radius * 0.75;
       const Eigen::Vector3d u = face.normal.unitOrthogonal(), v = face.normal.cross(u);
-      LayTexture(&face, leaves, center - (2 + 3 * random->Uniform()) * u - (2 + 3 * random->Uniform()) * v, u, v, leaf_scale);
+      LayTexture(&face, leaves, center - (2 + 3 * random->Uniform()) * u - (2 + 3 * random->Uniform()) * v, u, v,
+                 leaf_scale);
       const float light = 0.6f + 0.35f * static_cast<float>(face.normal.z());
       face.color = Color{light, light, light, 1};
       crown.faces.push_back(face);
@@ -159,7 +168,8 @@ void AddTree(Scene* scene, const Eigen::Vector3d& at, int leaves, double leaf_sc
   }
 }
 
-void SetGround(Scene* scene, double width, double length, uint64_t seed, const MaterialLibrary& materials, int num_threads) {
+void SetGround(Scene* scene, double width, double length, uint64_t seed, const MaterialLibrary& materials,
+               int num_threads) {
   HeightGrid& grid = scene->grid;
   grid.x0 = grid.y0 = -kMargin;
   grid.spacing = 1;
@@ -177,7 +187,8 @@ void SetGround(Scene* scene, double width, double length, uint64_t seed, const M
         const double ox = std::max({-x, x - width, 0.0}), oy = std::max({-y, y - length, 0.0});
         const double inside = std::min(std::min(x, width - x), std::min(y, length - y));
         const double d = ox > 0 || oy > 0 ? std::hypot(ox, oy) : inside;
-        const double along = std::min(std::abs(x), std::abs(x - width)) < std::min(std::abs(y), std::abs(y - length)) ? y : x;
+        const double along =
+            std::min(std::abs(x), std::abs(x - width)) < std::min(std::abs(y), std::abs(y - length)) ? y : x;
         Color color = {};
         if (d < kRoad) {
           color = Asphalt(x, y, seed);
@@ -185,9 +196,12 @@ void SetGround(Scene* scene, double width, double length, uint64_t seed, const M
           const bool line = (d < 0.07 && dash < 0.5) || std::abs(d - 1.9 - 0.3) < 0.05;
           if (line && Fbm(x / 0.5, y / 0.5, 3, 0.6, seed + 2) > -0.35) color = Rgb(205, 205, 196);
           // Patches, manholes and stains.
-          const uint64_t cell = Hash(seed, static_cast<uint64_t>(static_cast<int64_t>(std::floor(x / 7))), static_cast<uint64_t>(static_cast<int64_t>(std::floor(y / 7))));
-          const double mx = x / 7 - std::floor(x / 7) - 0.2 - 0.6 * Unit(cell), my = y / 7 - std::floor(y / 7) - 0.2 - 0.6 * Unit(Hash(cell));
-          if (cell % 3 == 0 && std::hypot(mx, my) < 0.045) color = Rgb(70, 68, 66) * (std::fmod(std::abs(mx) * 700, 2) < 1 ? 1.3f : 1.f);
+          const uint64_t cell = Hash(seed, static_cast<uint64_t>(static_cast<int64_t>(std::floor(x / 7))),
+                                     static_cast<uint64_t>(static_cast<int64_t>(std::floor(y / 7))));
+          const double mx = x / 7 - std::floor(x / 7) - 0.2 - 0.6 * Unit(cell),
+                       my = y / 7 - std::floor(y / 7) - 0.2 - 0.6 * Unit(Hash(cell));
+          if (cell % 3 == 0 && std::hypot(mx, my) < 0.045)
+            color = Rgb(70, 68, 66) * (std::fmod(std::abs(mx) * 700, 2) < 1 ? 1.3f : 1.f);
           if (cell % 3 == 1 && std::abs(mx) < 0.2 && std::abs(my) < 0.11) color *= 0.72f;
         } else if (d < kRoad + 0.2) {
           color = Rgb(176, 172, 166);
@@ -206,13 +220,16 @@ void SetGround(Scene* scene, double width, double length, uint64_t seed, const M
 
 }  // namespace
 
-std::unique_ptr<Scene> BuildStreetScene(double width, double length, uint64_t seed, const MaterialLibrary& materials, int num_threads) {
+std::unique_ptr<Scene> BuildStreetScene(double width, double length, uint64_t seed, const MaterialLibrary& materials,
+                                        int num_threads) {
   auto scene = std::make_unique<Scene>();
   SetGround(scene.get(), width, length, seed, materials, num_threads);
   Random random(seed + 5);
   constexpr double kLeafScale = 40;
   Canvas leaves(8, 8, kLeafScale);
-  leaves.Fill(0, 0, 8, 8, [&](double x, double y, const Color&) { return materials.bush.At(x * kLeafScale, y * kLeafScale, seed); });
+  leaves.Fill(0, 0, 8, 8, [&](double x, double y, const Color&) {
+    return materials.bush.At(x * kLeafScale, y * kLeafScale, seed);
+  });
   const int leaf_texture = static_cast<int>(scene->textures.size());
   scene->textures.push_back(leaves.Finish());
 
@@ -222,8 +239,10 @@ std::unique_ptr<Scene> BuildStreetScene(double width, double length, uint64_t se
     const Eigen::Vector3d a = corners[leg], b = corners[(leg + 1) % 4];
     const Eigen::Vector3d along = (b - a).normalized(), left(-along.y(), along.x(), 0);  // left is inside
     const double leg_length = (b - a).norm();
-    AddRow(scene.get(), a - in * left - (in + depth) * along, b - in * left + in * along, -left, depth, materials, &random);
-    AddRow(scene.get(), a + in * left + in * along, b + in * left - (in + depth) * along, left, std::min(depth, std::min(width, length) / 2 - in - 1), materials, &random);
+    AddRow(scene.get(), a - in * left - (in + depth) * along, b - in * left + in * along, -left, depth, materials,
+           &random);
+    AddRow(scene.get(), a + in * left + in * along, b + in * left - (in + depth) * along, left,
+           std::min(depth, std::min(width, length) / 2 - in - 1), materials, &random);
     for (const double side : {-1.0, 1.0}) {
       for (double s = random.Uniform(9, 14); s < leg_length - 9; s += random.Uniform(5.5, 12)) {
         const Eigen::Vector3d at = a + s * along + side * 3.0 * left;

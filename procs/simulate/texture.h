@@ -1,5 +1,9 @@
 #pragma once
 
+#if defined(__SSE4_1__)
+#include <smmintrin.h>
+#endif
+
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -10,6 +14,7 @@
 namespace mapmend::simulate {
 
 // Four floats added and multiplied at once; GCC's and Clang's vector extension. Red, green, blue, unused; [0, 255].
+// What compilers do not turn into single instructions is written with intrinsics as well; both give the same bits.
 using Color = float __attribute__((vector_size(16)));
 
 inline Color Rgb(double r, double g, double b) {
@@ -17,15 +22,32 @@ inline Color Rgb(double r, double g, double b) {
 }
 inline float Luminance(const Color& c) { return 0.299f * c[0] + 0.587f * c[1] + 0.114f * c[2]; }
 
-inline uint32_t Pack(const Color& c) {
-  const auto byte = [](float v) { return static_cast<uint32_t>(std::clamp(v + 0.5f, 0.f, 255.f)); };
-  return byte(c[0]) | byte(c[1]) << 8 | byte(c[2]) << 16;
+// Four bytes, cut off below the point and clamped to [0, 255].
+inline uint32_t PackTruncated(const Color& c) {
+#if defined(__SSE4_1__)
+  const __m128i whole = _mm_cvttps_epi32(c), half = _mm_packs_epi32(whole, whole);
+  return static_cast<uint32_t>(_mm_cvtsi128_si32(_mm_packus_epi16(half, half)));
+#else
+  const auto byte = [](float v) { return static_cast<uint32_t>(std::clamp(v, 0.f, 255.f)); };
+  return byte(c[0]) | byte(c[1]) << 8 | byte(c[2]) << 16 | byte(c[3]) << 24;
+#endif
 }
+inline uint32_t Pack(const Color& c) { return PackTruncated(c + 0.5f); }
 inline Color Unpack(uint32_t texel) {
-  using Bytes = uint8_t __attribute__((vector_size(4)));
-  Bytes bytes;
-  std::memcpy(&bytes, &texel, 4);
-  return __builtin_convertvector(bytes, Color);
+#if defined(__SSE4_1__)
+  return _mm_cvtepi32_ps(_mm_cvtepu8_epi32(_mm_cvtsi32_si128(static_cast<int>(texel))));
+#else
+  return {static_cast<float>(texel & 255), static_cast<float>(texel >> 8 & 255), static_cast<float>(texel >> 16 & 255),
+          static_cast<float>(texel >> 24)};
+#endif
+}
+
+inline Color SquareRoot(const Color& v) {
+#if defined(__SSE4_1__)
+  return _mm_sqrt_ps(v);
+#else
+  return Color{std::sqrt(v[0]), std::sqrt(v[1]), std::sqrt(v[2]), std::sqrt(v[3])};
+#endif
 }
 
 // A picture, row by row, 8 bits a channel; texel centres at integers.
@@ -61,6 +83,8 @@ class Texture {
 
   int Width() const { return levels_[0].width; }
   int Height() const { return levels_[0].height; }
+  int NumLevels() const { return static_cast<int>(levels_.size()); }
+  const Image& Level(int level) const { return levels_[level]; }
   // Trilinear. x, y: texels of level 0; lod: log2 of the footprint in texels, below 0 means magnified.
   Color Sample(float x, float y, float lod) const {
     lod = std::clamp(lod, 0.f, static_cast<float>(levels_.size() - 1));
@@ -77,9 +101,9 @@ class Texture {
     return levels_[level].Bilinear((x + 0.5f) * scale - 0.5f, (y + 0.5f) * scale - 0.5f);
   }
 
-  static constexpr float kScale[16] = {1.f,         1.f / 2,    1.f / 4,    1.f / 8,    1.f / 16,   1.f / 32,
-                                       1.f / 64,    1.f / 128,  1.f / 256,  1.f / 512,  1.f / 1024, 1.f / 2048,
-                                       1.f / 4096,  1.f / 8192, 1.f / 16384, 1.f / 32768};
+  static constexpr float kScale[16] = {1.f,        1.f / 2,    1.f / 4,     1.f / 8,    1.f / 16,   1.f / 32,
+                                       1.f / 64,   1.f / 128,  1.f / 256,   1.f / 512,  1.f / 1024, 1.f / 2048,
+                                       1.f / 4096, 1.f / 8192, 1.f / 16384, 1.f / 32768};
   std::vector<Image> levels_;
 };
 

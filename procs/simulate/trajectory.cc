@@ -24,7 +24,8 @@ double Bump(double s) {
 }  // namespace
 
 Eigen::Quaterniond LookAlong(double heading, double tilt) {
-  const Eigen::Vector3d forward(std::cos(heading) * std::cos(tilt), std::sin(heading) * std::cos(tilt), -std::sin(tilt));
+  const Eigen::Vector3d forward(std::cos(heading) * std::cos(tilt), std::sin(heading) * std::cos(tilt),
+                                -std::sin(tilt));
   const Eigen::Vector3d right(std::sin(heading), -std::cos(heading), 0);
   Eigen::Matrix3d rotation;
   rotation << right, forward.cross(right), forward;
@@ -34,9 +35,15 @@ Eigen::Quaterniond LookAlong(double heading, double tilt) {
 CameraMotion::CameraMotion(const Scenario& scenario)
     : half_width_(scenario.trajectory.smoothing / 2), shake_(scenario.shake), events_(scenario.events) {
   switch (scenario.trajectory.kind) {
-    case TrajectoryOptions::Kind::kSurvey: BuildSurvey(scenario.trajectory); break;
-    case TrajectoryOptions::Kind::kCircle: BuildCircle(scenario.trajectory); break;
-    case TrajectoryOptions::Kind::kPath: BuildPath(scenario.trajectory); break;
+    case TrajectoryOptions::Kind::kSurvey:
+      BuildSurvey(scenario.trajectory);
+      break;
+    case TrajectoryOptions::Kind::kCircle:
+      BuildCircle(scenario.trajectory);
+      break;
+    case TrajectoryOptions::Kind::kPath:
+      BuildPath(scenario.trajectory);
+      break;
   }
   for (size_t i = 1; i < keys_.size(); ++i) {
     const double dt = keys_[i].time - keys_[i - 1].time;
@@ -46,7 +53,8 @@ CameraMotion::CameraMotion(const Scenario& scenario)
       keys_[i].second[c] = keys_[i - 1].second[c] + dt * keys_[i - 1].first[c] + dt * dt * (2 * a + b) / 6;
     }
   }
-  // Dryden's spectrum of turbulence, 1 / (1 + (f / corner)^2) (MIL-F-8785C), as a sum of sinusoids; above it the propellers.
+  // Dryden's spectrum of turbulence, 1 / (1 + (f / corner)^2) (MIL-F-8785C), as a sum of sinusoids; above it the
+  // propellers.
   Random random(Hash(scenario.seed, 41));
   for (int channel = 0; channel < 6; ++channel) {
     const double rms = channel < 3 ? shake_.position : shake_.attitude_deg * kDegree;
@@ -63,7 +71,8 @@ CameraMotion::CameraMotion(const Scenario& scenario)
     for (Wave& wave : waves) wave.amplitude *= rms / std::sqrt(power);
     if (channel < 3) continue;
     for (int i = 0; i < 4; ++i) {
-      waves.push_back({2 * kPi * random.Uniform(20, 60), random.Uniform(0, 2 * kPi), shake_.vibration_deg * kDegree * std::sqrt(0.5)});
+      waves.push_back({2 * kPi * random.Uniform(20, 60), random.Uniform(0, 2 * kPi),
+                       shake_.vibration_deg * kDegree * std::sqrt(0.5)});
     }
   }
 }
@@ -102,7 +111,8 @@ void CameraMotion::BuildCircle(const TrajectoryOptions& o) {
     const double angle = o.heading_deg * kDegree + i * step;
     const double look = o.turn ? angle + (step > 0 ? kPi / 2 : -kPi / 2) : angle + kPi;
     AddKey(o.radius * std::abs(step) / o.speed,
-           {o.start.x() + o.radius * std::cos(angle), o.start.y() + o.radius * std::sin(angle), o.start.z(), look, o.tilt_deg * kDegree});
+           {o.start.x() + o.radius * std::cos(angle), o.start.y() + o.radius * std::sin(angle), o.start.z(), look,
+            o.tilt_deg * kDegree});
   }
 }
 
@@ -112,7 +122,8 @@ void CameraMotion::BuildPath(const TrajectoryOptions& o) {
   // Heading of leg i, from point i to i + 1, where points do not say.
   const auto leg = [&](size_t i) {
     i = count > 1 ? std::min(i, count - 2) : 0;
-    const Eigen::Vector3d d = count > 1 ? Eigen::Vector3d(o.points[i + 1].position - o.points[i].position) : Eigen::Vector3d::UnitX();
+    const Eigen::Vector3d d =
+        count > 1 ? Eigen::Vector3d(o.points[i + 1].position - o.points[i].position) : Eigen::Vector3d::UnitX();
     return d.head<2>().norm() > 1e-6 ? std::atan2(d.y(), d.x()) : o.heading_deg * kDegree;
   };
   const auto key = [&](size_t i, double heading) {
@@ -149,11 +160,13 @@ std::array<double, 5> CameraMotion::SecondIntegral(double time) const {
     for (int c = 0; c < 5; ++c) result[c] = last.second[c] + last.first[c] * dt + last.value[c] * dt * dt / 2;
     return result;
   }
-  const auto next = std::upper_bound(keys_.begin(), keys_.end(), time, [](double t, const Key& key) { return t < key.time; });
+  const auto next =
+      std::upper_bound(keys_.begin(), keys_.end(), time, [](double t, const Key& key) { return t < key.time; });
   const Key &a = *(next - 1), &b = *next;
   const double dt = time - a.time, slope = 1 / (b.time - a.time);
   for (int c = 0; c < 5; ++c) {
-    result[c] = a.second[c] + a.first[c] * dt + a.value[c] * dt * dt / 2 + (b.value[c] - a.value[c]) * slope * dt * dt * dt / 6;
+    result[c] =
+        a.second[c] + a.first[c] * dt + a.value[c] * dt * dt / 2 + (b.value[c] - a.value[c]) * slope * dt * dt * dt / 6;
   }
   return result;
 }
@@ -174,7 +187,8 @@ Rigid3 CameraMotion::WorldFromCamera(double time) const {
   double shake[6];
   for (int channel = 0; channel < 6; ++channel) {
     shake[channel] = 0;
-    for (const Wave& wave : waves_[channel]) shake[channel] += wave.amplitude * std::sin(wave.frequency * time + wave.phase);
+    for (const Wave& wave : waves_[channel])
+      shake[channel] += wave.amplitude * std::sin(wave.frequency * time + wave.phase);
   }
   if (shake_.gait_hz > 0) {
     const double step = 2 * kPi * shake_.gait_hz * time;
@@ -192,7 +206,8 @@ Rigid3 CameraMotion::WorldFromCamera(double time) const {
   }
   position += Eigen::Vector3d(shake[0], shake[1], shake[2]);
   const double angle = turn.norm();
-  const Eigen::Quaterniond offset = angle > 1e-12 ? Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn / angle)) : Eigen::Quaterniond::Identity();
+  const Eigen::Quaterniond offset =
+      angle > 1e-12 ? Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn / angle)) : Eigen::Quaterniond::Identity();
   return {LookAlong(heading, tilt) * offset, position};
 }
 

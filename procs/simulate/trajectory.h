@@ -8,8 +8,9 @@
 
 namespace mapmend::simulate {
 
-// The pose of the camera at any time: a path with rounded corners, wind or steps, and the events that move the camera. A pure,
-// smooth function (continuous acceleration but at the ends), so that sub-frame poses are as true as those of frames.
+// The pose of the camera at any time: a path with rounded corners, wind or steps, and the events that move the camera.
+// A pure, smooth function (continuous acceleration but at the ends), so that sub-frame poses are as true as those of
+// frames.
 class CameraMotion {
  public:
   explicit CameraMotion(const Scenario& scenario);
@@ -37,7 +38,7 @@ class CameraMotion {
   std::array<double, 5> SecondIntegral(double time) const;
 
   std::vector<Key> keys_;
-  double half_width_;  // of the smoothing triangle, seconds
+  double half_width_;                       // of the smoothing triangle, seconds
   std::array<std::vector<Wave>, 6> waves_;  // x, y, z; about x, y, z of the camera
   ShakeOptions shake_;
   std::vector<Event> events_;

@@ -51,11 +51,13 @@ std::string FormatGps(const Simulator& simulator, int first, int last) {
     for (uint64_t axis = 0; axis < 3; ++axis) {
       // Mostly an offset that wanders over minutes, as satellite errors do, and a third white noise.
       Random white(Hash(seed + axis, static_cast<uint64_t>(second)));
-      p[static_cast<int>(axis)] += sigma * (axis == 2 ? 1.6 : 1.0) * (1.8 * ValueNoise(t / 60, 0.5, seed + axis) + 0.33 * white.Gaussian());
+      p[static_cast<int>(axis)] +=
+          sigma * (axis == 2 ? 1.6 : 1.0) * (1.8 * ValueNoise(t / 60, 0.5, seed + axis) + 0.33 * white.Gaussian());
     }
     double latitude = 0, longitude = 0, altitude = 0;
     local.Reverse(p.x(), p.y(), p.z(), latitude, longitude, altitude);
-    text += Text("%.6f,%.9f,%.9f,%.3f,%.2f,%.2f\n", s.start_time + t, latitude, longitude, altitude, sigma, 1.6 * sigma);
+    text +=
+        Text("%.6f,%.9f,%.9f,%.3f,%.2f,%.2f\n", s.start_time + t, latitude, longitude, altitude, sigma, 1.6 * sigma);
   }
   return text;
 }
@@ -104,10 +106,12 @@ std::string FormatTerrain(const Simulator& simulator) {
   const double width = (grid.width - 1) * grid.spacing, length = (grid.height - 1) * grid.spacing;
   const double step = std::max(grid.spacing, std::sqrt(width * length / 150000));
   const int nx = static_cast<int>(width / step), ny = static_cast<int>(length / step);
-  std::string text = Text("ply\nformat binary_little_endian 1.0\ncomment surface from above, metres, east north up\nelement vertex %d\n"
-                          "property float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
-                          "element face %d\nproperty list uchar int vertex_indices\nend_header\n",
-                          nx * ny, 2 * (nx - 1) * (ny - 1));
+  std::string text = Text(
+      "ply\nformat binary_little_endian 1.0\ncomment surface from above, metres, east north up\nelement vertex %d\n"
+      "property float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar "
+      "blue\n"
+      "element face %d\nproperty list uchar int vertex_indices\nend_header\n",
+      nx * ny, 2 * (nx - 1) * (ny - 1));
   for (int j = 0; j < ny; ++j) {
     for (int i = 0; i < nx; ++i) {
       const Eigen::Vector3d origin(grid.x0 + (i + 0.5) * step, grid.y0 + (j + 0.5) * step, scene.survey_height);
@@ -133,11 +137,13 @@ std::string FormatTerrain(const Simulator& simulator) {
   return text;
 }
 
-bool WriteRun(Simulator* simulator, int first, int last, const std::string& dir, const std::function<bool(int, int)>& progress) {
+bool WriteRun(Simulator* simulator, int first, int last, const std::string& dir,
+              const std::function<bool(int, int)>& progress) {
   const Scenario& s = simulator->GetScenario();
   std::error_code error;
   std::filesystem::create_directories(dir, error);
-  if (!std::filesystem::is_directory(dir)) throw std::runtime_error(dir + ": cannot be made a folder: " + error.message());
+  if (!std::filesystem::is_directory(dir))
+    throw std::runtime_error(dir + ": cannot be made a folder: " + error.message());
   auto writer = s.output.images ? FrameWriter::Images(dir)
                                 : FrameWriter::Video(dir, s.camera.width, s.camera.height, s.fps, s.output.crf);
   std::vector<int> indices;
@@ -164,7 +170,8 @@ bool WriteRun(Simulator* simulator, int first, int last, const std::string& dir,
   writing.get();
   WriteFile(dir + "/times.txt", times);
   WriteFile(dir + "/camera.yaml", FormatCamera(s));
-  WriteTrajectory(dir + "/groundtruth.tum", truth, "t tx ty tz qx qy qz qw, world_from_camera, metres, east north up; exact (mapmend simulate)");
+  WriteTrajectory(dir + "/groundtruth.tum", truth,
+                  "t tx ty tz qx qy qz qw, world_from_camera, metres, east north up; exact (mapmend simulate)");
   WriteFile(dir + "/gps.csv", FormatGps(*simulator, first, last));
   WriteFile(dir + "/events.json", FormatEvents(*simulator, first, last));
   WriteFile(dir + "/terrain.ply", FormatTerrain(*simulator));

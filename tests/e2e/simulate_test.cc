@@ -71,6 +71,8 @@ TEST_F(SimulateTest, ShortClipIsWholeAndTrue) {
   EXPECT_EQ(events["events"][0]["first_written_frame"], 15);
   EXPECT_EQ(Run("mapmend eval " + (out / "groundtruth.tum").string() + " " + (out / "groundtruth.tum").string()), 0)
       << error_;
+  EXPECT_NE(ReadFile((dir_ / "stdout.txt").string()).find("0.0000     0.0000     0.0000"), std::string::npos)
+      << "the truth is where it says it is";
 
   // The same bits again, with other threads and through the launcher.
   const std::string first = ReadFile((out / "video.mp4").string());

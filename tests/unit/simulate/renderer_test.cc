@@ -72,7 +72,8 @@ double LargestReprojectionError(const Camera& camera, double readout, double exp
   double largest = 0;
   int seen = 0;
   for (const Eigen::Vector3d& plate : plates) {
-    // The centroid of the projected outline (shoelace formula): that of an area, as measured below, is not the image of its middle.
+    // The centroid of the projected outline (shoelace formula): that of an area, as measured below, is not the image of
+    // its middle.
     double area = 0;
     Eigen::Vector2d expected = Eigen::Vector2d::Zero(), last = Eigen::Vector2d::Zero();
     const Eigen::Vector3d u(0.6 * std::cos(0.3), 0.6 * std::sin(0.3), 0), v(-u.y(), u.x(), 0);

@@ -62,6 +62,9 @@ TEST_F(ScenarioFile, RefusesTheImpossible) {
   EXPECT_THAT(Error("base: uav_short\nfps: fast\n"), HasSubstr("key fps must be a number"));
   EXPECT_THAT(Error("base: uav_short\nfps: .nan\n"), HasSubstr("fps must be finite"));
   EXPECT_THAT(Error("base: uav_short\nsensor: {exposure_ms: 900}\n"), HasSubstr("exposure_ms"));
+  EXPECT_THAT(Error("base: uav_short\nsensor: {sharpening: -1}\n"), HasSubstr("sharpening"));
+  EXPECT_THAT(Error("base: uav_short\nsensor: {noise: -1}\n"), HasSubstr("noise"));
+  EXPECT_THAT(Error("base: uav_short\ncamera: {fx: 0}\n"), HasSubstr("focal"));
   EXPECT_THAT(Error("base: uav_short\nscene: {width: 90000, length: 90000}\n"), HasSubstr("too large"));
   EXPECT_THAT(Error("base: street_short\ntrajectory: {points: [{at: [0, 0, -1]}]}\n"), HasSubstr("height"));
 }

@@ -36,9 +36,9 @@ TEST(Simulator, IsBitIdenticalWhateverTheThreadsAndTheOrder) {
 TEST(Simulator, EventsShowInFramesAndInTheReport) {
   Simulator simulator(Small(), kData, 2);
   EXPECT_TRUE(simulator.LeftOut(300));
-  EXPECT_TRUE(simulator.LeftOut(319));
+  EXPECT_TRUE(simulator.LeftOut(354));
   EXPECT_FALSE(simulator.LeftOut(299));
-  EXPECT_FALSE(simulator.LeftOut(320));
+  EXPECT_FALSE(simulator.LeftOut(355));
   EXPECT_GT(simulator.Sensor(456).gain[1], 20) << "over-exposed";
   EXPECT_NEAR(simulator.Sensor(440).gain[1], 1, 0.4);
   const std::string events = FormatEvents(simulator, 0, 599);

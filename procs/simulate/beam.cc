@@ -1,0 +1,108 @@
+// What is empty between the rays of a small piece of the image, found without casting rays.
+#include <limits>
+
+#include "procs/simulate/scene.h"
+
+namespace mapmend::simulate {
+
+Scene::Fan::Fan(const Eigen::Vector3d* points, const Eigen::Vector3d* directions) {
+  for (int k = 0; k < 4; ++k) {
+    x[k] = points[k].x(), y[k] = points[k].y(), z[k] = points[k].z();
+    slope_x[k] = directions[k].x() / directions[k].z();
+    slope_y[k] = directions[k].y() / directions[k].z();
+  }
+}
+
+Scene::Cells Scene::CellsBetween(double low, double high, const Fan& fan, int level) const {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  double x0 = kInfinity, x1 = -kInfinity, y0 = kInfinity, y1 = -kInfinity;
+  for (int k = 0; k < 4; ++k) {
+    const double xa = fan.x[k] + (low - fan.z[k]) * fan.slope_x[k], xb = fan.x[k] + (high - fan.z[k]) * fan.slope_x[k];
+    const double ya = fan.y[k] + (low - fan.z[k]) * fan.slope_y[k], yb = fan.y[k] + (high - fan.z[k]) * fan.slope_y[k];
+    x0 = std::min(x0, std::min(xa, xb)), x1 = std::max(x1, std::max(xa, xb));
+    y0 = std::min(y0, std::min(ya, yb)), y1 = std::max(y1, std::max(ya, yb));
+  }
+  // Rays between the four may bulge a little, by lens distortion; those that smooth an edge start half a pixel outside.
+  const double margin = 0.02 + (x1 - x0 + y1 - y0) / 12, scale = 1 / (grid.spacing * (1 << level));
+  const auto cell = [](double v, int count) { return static_cast<int>(std::clamp(v, 0.0, count - 1.0)); };
+  const int width = levels_[level].width, height = levels_[level].height;
+  return {cell((x0 - margin - grid.x0) * scale, width), cell((x1 + margin - grid.x0) * scale, width),
+          cell((y0 - margin - grid.y0) * scale, height), cell((y1 + margin - grid.y0) * scale, height)};
+}
+
+float Scene::Greatest(const Level& level, const Cells& cells) {
+  float max = -1e9f;
+  for (int y = cells.y0; y <= cells.y1; ++y) {
+    for (int x = cells.x0; x <= cells.x1; ++x) max = std::max(max, level.max[static_cast<size_t>(y) * level.width + x]);
+  }
+  return max;
+}
+
+Beam Scene::ClearBeam(const Eigen::Vector3d* origins, const Eigen::Vector3d* directions) const {
+  Beam beam;
+  double height = levels_.back().max[0];
+  for (int k = 0; k < 4; ++k) {
+    if (directions[k].z() > -0.35) return beam;
+    height = std::min(height, origins[k].z());
+  }
+  const Fan fan(origins, directions);
+  double step = 4;
+  for (int i = 0; i < 40; ++i) {
+    const Cells cells = CellsBetween(height - step, height, fan, 0);
+    if ((cells.x1 - cells.x0 + 1) * (cells.y1 - cells.y0 + 1) > 300) {
+      if (step > 1) {
+        step /= 2;
+        continue;
+      }
+      return beam;
+    }
+    const double max = Greatest(obstacles_, cells);
+    if (max <= height - step) {
+      height -= step;
+      step *= 2;
+    } else if (max < height - 0.3) {
+      height = max;
+      step = std::max(step / 2, 1.0);
+    } else if (step > 1) {
+      step /= 2;
+    } else {
+      break;
+    }
+  }
+  beam.height = height + 1e-3;
+  const Cells blocks = CellsBetween(beam.height, beam.height, fan, kLeaf);
+  beam.solids = false;
+  for (int y = blocks.y0; y <= blocks.y1; ++y) {
+    const size_t row = static_cast<size_t>(y) * levels_[kLeaf].width;
+    beam.solids |= list_begin_[row + blocks.x0] != list_begin_[row + blocks.x1 + 1];
+  }
+  return beam;
+}
+
+bool Scene::IsClear(const Beam& beam, const Eigen::Vector3d* points, const Eigen::Vector3d* directions,
+                    int surface) const {
+  double low = std::min(std::min(points[0].z(), points[1].z()), std::min(points[2].z(), points[3].z()));
+  if (surface == Hit::kGround) return beam.height < low + 0.4;
+  if (beam.height > 1e29 || !beam.solids) return false;
+  const Cells cells = CellsBetween(low, beam.height, Fan(points, directions), 0);
+  if ((cells.x1 - cells.x0 + 1) * (cells.y1 - cells.y0 + 1) > 300 || Greatest(levels_[0], cells) > low) return false;
+  // Other solids near: their bounding boxes must be outside.
+  const double x0 = grid.x0 + cells.x0 * grid.spacing, x1 = grid.x0 + (cells.x1 + 1) * grid.spacing;
+  const double y0 = grid.y0 + cells.y0 * grid.spacing, y1 = grid.y0 + (cells.y1 + 1) * grid.spacing;
+  const int own = (surface - 1) / 8;
+  for (int y = cells.y0 >> kLeaf; y <= cells.y1 >> kLeaf; ++y) {
+    for (int x = cells.x0 >> kLeaf; x <= cells.x1 >> kLeaf; ++x) {
+      const size_t block = static_cast<size_t>(y) * levels_[kLeaf].width + x;
+      for (uint32_t k = list_begin_[block]; k < list_begin_[block + 1]; ++k) {
+        const Solid& other = solids[lists_[k]];
+        if (lists_[k] != own && other.high.z() > low && other.low.x() < x1 && other.high.x() > x0 &&
+            other.low.y() < y1 && other.high.y() > y0) {
+          return false;
+        }
+      }
+    }
+  }
+  return true;
+}
+
+}  // namespace mapmend::simulate

@@ -1,0 +1,168 @@
+// From light to a finished picture: motion blur, exposure, sharpening, noise.
+#include <array>
+#include <cmath>
+
+#include "procs/simulate/random.h"
+#include "procs/simulate/renderer.h"
+
+namespace mapmend::simulate {
+namespace {
+
+// Gaussian numbers by table: a sum of uniforms, scaled to unit variance.
+const std::array<float, 4096>& GaussianTable() {
+  static const auto table = [] {
+    std::array<float, 4096> values;
+    Random random(77);
+    for (float& v : values) v = static_cast<float>(random.Gaussian());
+    return values;
+  }();
+  return table;
+}
+
+}  // namespace
+
+void Renderer::Project(const Motion& motion, const float* p, float* u, float* v) const {
+  const float* r = motion.rotation;
+  const float z = r[6] * p[0] + r[7] * p[1] + r[8] * p[2] + motion.translation[2];
+  const float inverse = 1.f / std::max(z, 1e-3f);
+  const float x = (r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + motion.translation[0]) * inverse;
+  const float y = (r[3] * p[0] + r[4] * p[1] + r[5] * p[2] + motion.translation[1]) * inverse;
+  if (!distorted_) {
+    *u = static_cast<float>(camera_.fx) * x + static_cast<float>(camera_.cx);
+    *v = static_cast<float>(camera_.fy) * y + static_cast<float>(camera_.cy);
+    return;
+  }
+  const Eigen::Vector2d pixel = camera_.Project(Eigen::Vector3d(x, y, 1));
+  *u = static_cast<float>(pixel.x());
+  *v = static_cast<float>(pixel.y());
+}
+
+void Renderer::BlurRow(int y, Color* blurred) const {
+  const int width = camera_.width, height = camera_.height;
+  const size_t row = static_cast<size_t>(y) * width;
+  if (!options_.motion_blur || options_.exposure <= 0) {
+    for (int x = 0; x < width; ++x) blurred[x] = UnpackLight(light_[row + x]);
+    return;
+  }
+  const auto motion = [&](int x) {
+    const size_t i = row + x;
+    const float distance = std::min(distance_[i], 1e5f);
+    const float point[3] = {rays_[i].x() * distance, rays_[i].y() * distance, rays_[i].z() * distance};
+    float x0, y0, x1, y1;
+    Project(rows_[y].begin, point, &x0, &y0);
+    Project(rows_[y].end, point, &x1, &y1);
+    const float fx = static_cast<float>(x), fy = static_cast<float>(y);
+    return Color{x0 - fx, y0 - fy, x1 - fx, y1 - fy};
+  };
+  const uint8_t* plain = plain_.data() + static_cast<size_t>(y / kTile) * ((width + kTile - 1) / kTile);
+  Color tile_motion = {}, tile_step = {};
+  for (int x = 0; x < width; ++x) {
+    const size_t i = row + x;
+    const float fx = static_cast<float>(x), fy = static_cast<float>(y);
+    Color offset;
+    if (!plain[x / kTile]) {
+      offset = motion(x);
+    } else {
+      if (x % kTile == 0) {
+        const int last = std::min(x + kTile, width) - 1;
+        tile_motion = motion(x);
+        const Color last_motion = motion(last);
+        const auto shorter = [](const Color& m) {
+          return (m[2] - m[0]) * (m[2] - m[0]) + (m[3] - m[1]) * (m[3] - m[1]) < 0.25f;
+        };
+        if (shorter(tile_motion) && shorter(last_motion)) {
+          for (; x < last; ++x) blurred[x] = UnpackLight(light_[row + x]);
+          blurred[x] = UnpackLight(light_[row + x]);
+          continue;
+        }
+        tile_step = last > x ? (last_motion - tile_motion) * (1.f / static_cast<float>(last - x)) : Color{};
+      }
+      offset = tile_motion + tile_step * static_cast<float>(x % kTile);
+    }
+    const float x0 = offset[0], y0 = offset[1], x1 = offset[2], y1 = offset[3];
+    const float length = std::sqrt((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0));
+    if (length < 0.5f) {
+      blurred[x] = UnpackLight(light_[i]);
+      continue;
+    }
+    // What passes over this pixel a part s of half the exposure before the middle lies, in the middle, at minus its
+    // motion.
+    const int half = std::clamp(static_cast<int>(length * 0.5f + 0.5f), 1, 24);
+    const float step = 1.f / (static_cast<float>(half) + 0.5f);
+    Color sum = UnpackLight(light_[i]);
+    const auto add = [&](float sx, float sy) {
+      const float px = std::clamp(fx - sx, 0.f, static_cast<float>(width - 1) - 0.001f);
+      const float py = std::clamp(fy - sy, 0.f, static_cast<float>(height - 1) - 0.001f);
+      const int ix = static_cast<int>(px), iy = static_cast<int>(py);
+      const float ax = px - static_cast<float>(ix), ay = py - static_cast<float>(iy);
+      const Light* p = light_.data() + static_cast<size_t>(iy) * width + ix;
+      const Color a = UnpackLight(p[0]), b = UnpackLight(p[1]), c = UnpackLight(p[width]),
+                  d = UnpackLight(p[width + 1]);
+      const Color top = a + (b - a) * ax, bottom = c + (d - c) * ax;
+      sum += top + (bottom - top) * ay;
+    };
+    for (int k = 1; k <= half; ++k) {
+      const float s = static_cast<float>(k) * step;
+      add(x0 * s, y0 * s);
+      add(x1 * s, y1 * s);
+    }
+    blurred[x] = sum * (1.f / static_cast<float>(2 * half + 1));
+  }
+}
+
+void Renderer::ExposeRow(int y, const SensorState& sensor, Color* row) const {
+  const int width = camera_.width;
+  const float cx = static_cast<float>(width) / 2, cy = static_cast<float>(camera_.height) / 2;
+  const float falloff = sensor.vignetting / (cx * cx + cy * cy);
+  const float dy = static_cast<float>(y) - cy;
+  const Color gain = Rgb(sensor.gain[0], sensor.gain[1], sensor.gain[2]);
+  for (int x = 0; x < width; ++x) {
+    const float dx = static_cast<float>(x) - cx;
+    const Color value = row[x] * gain * (1.f - falloff * (dx * dx + dy * dy));
+    row[x] = SquareRoot(value);
+  }
+}
+
+void Renderer::DevelopRows(int begin, int end, const SensorState& sensor, Frame* frame) const {
+  const int width = camera_.width, height = camera_.height;
+  const auto& table = GaussianTable();
+  // Three rows of stored values, used in turn.
+  std::vector<Color> buffer(3 * static_cast<size_t>(width));
+  Color* lines[3] = {buffer.data(), buffer.data() + width, buffer.data() + 2 * static_cast<size_t>(width)};
+  const auto fill = [&](int y, Color* line) {
+    BlurRow(std::clamp(y, 0, height - 1), line);
+    ExposeRow(std::clamp(y, 0, height - 1), sensor, line);
+  };
+  const auto amount = static_cast<float>(options_.sharpening);
+  const bool sharpen = amount > 0;
+  if (sharpen) {
+    fill(begin - 1, lines[0]);
+    fill(begin, lines[1]);
+  }
+  for (int y = begin; y < end; ++y) {
+    if (sharpen)
+      fill(y + 1, lines[2]);
+    else
+      fill(y, lines[1]);
+    const uint64_t row_seed = Hash(sensor.seed, static_cast<uint64_t>(y));
+    uint8_t* out = frame->bgr.data() + static_cast<size_t>(y) * width * 3;
+    for (int x = 0; x < width; ++x, out += 3) {
+      Color value = lines[1][x];
+      if (sharpen) {
+        const int left = std::max(x - 1, 0), right = std::min(x + 1, width - 1);
+        const auto column = [&](int c) { return lines[0][c] + lines[1][c] + lines[2][c]; };
+        value += (value - (column(left) + column(x) + column(right)) * (1.f / 9)) * amount;
+      }
+      const uint64_t random = Hash(row_seed + static_cast<uint64_t>(x));
+      // Photon noise is constant after the square root, so one figure serves for bright and dark.
+      const Color noise = {table[random & 4095], table[(random >> 12) & 4095], table[(random >> 24) & 4095], 0};
+      value += noise * sensor.noise + 0.5f;
+      const uint32_t stored = PackTruncated(value);
+      out[0] = static_cast<uint8_t>(stored >> 16), out[1] = static_cast<uint8_t>(stored >> 8),
+      out[2] = static_cast<uint8_t>(stored);
+    }
+    if (sharpen) std::rotate(lines, lines + 1, lines + 3);
+  }
+}
+
+}  // namespace mapmend::simulate
