@@ -1,7 +1,10 @@
 #include "procs/submap_store/db_commands.h"
 
+#include <SQLiteCpp/SQLiteCpp.h>
+
 #include <iostream>
 #include <memory>
+#include <stdexcept>
 
 namespace mapmend {
 
@@ -10,7 +13,13 @@ void AddDbCommands(CLI::App* app) {
   const auto add = [&](const char* name, const char* description, std::function<void()> run) {
     CLI::App* command = app->add_subcommand(name, description);
     command->add_option("FILE", *path, "database file")->required();
-    command->callback([run = std::move(run)] { run(); });
+    command->callback([path, run = std::move(run)] {
+      try {
+        run();
+      } catch (const SQLite::Exception& e) {
+        throw std::runtime_error(*path + ": " + e.what());
+      }
+    });
   };
   add("info", "Say what is in a database", [path] { PrintDbInfo(*path); });
   add("check", "Read everything in a database and say what is wrong with it", [path] {

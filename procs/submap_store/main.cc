@@ -1,6 +1,10 @@
 // submap_store: the durable log of every flight and the retrieval over it; also the tools that look into its files.
 
+#include <SQLiteCpp/SQLiteCpp.h>
 #include <spdlog/spdlog.h>
+
+#include <memory>
+#include <stdexcept>
 
 #include "libs/bus/process.h"
 #include "procs/submap_store/db_commands.h"
@@ -8,6 +12,14 @@
 
 namespace mapmend {
 namespace {
+
+std::unique_ptr<SubmapStore> Open(const SubmapStoreOptions& options) {
+  try {
+    return std::make_unique<SubmapStore>(options);
+  } catch (const SQLite::Exception& e) {
+    throw std::runtime_error(options.path + ": " + e.what());
+  }
+}
 
 int Main(int argc, char** argv) {
   CLI::App app("Stores the stream of records durably in one SQLite file and answers bag-of-words queries over it.",
@@ -25,10 +37,10 @@ int Main(int argc, char** argv) {
   if (options.path.empty()) throw std::runtime_error("--db is required (or one of info, check, compact, merge, hash)");
 
   InstallSignalHandlers();
-  SubmapStore store(options);
+  const auto store = Open(options);
   Bus bus(ResolveLcmUrl(process.lcm_url), process.channel_prefix);
-  StoreAdapter adapter(&bus, &store);
-  spdlog::info("submap_store: {} with {} keyframes", options.path, store.GetStatus(0).keyframes);
+  StoreAdapter adapter(&bus, store.get());
+  spdlog::info("submap_store: {} with {} keyframes", options.path, store->GetStatus(0).keyframes);
   while (!StopRequested()) adapter.Spin(10);
   return 0;
 }

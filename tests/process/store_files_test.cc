@@ -43,6 +43,19 @@ TEST_F(StoreFiles, RefusesATruncatedFile) {
   ExpectRefused("truncated");
 }
 
+TEST_F(StoreFiles, RefusesAFileWithDamagedPages) {
+  MakeDatabase();
+  {
+    std::fstream file(db_, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(4096);
+    file << std::string(20 * 4096, '\xee');
+  }
+  ExpectRefused("malformed");
+  const TestOutput check = RunProgram({ProgramPath("mapmend"), "db", "check", db_}, folder_.File("log.txt"));
+  EXPECT_EQ(check.exit_code, 1);
+  EXPECT_NE(check.output.find(db_), std::string::npos) << check.output;
+}
+
 TEST_F(StoreFiles, RefusesAForeignFile) {
   std::ofstream(db_) << "# not a database, but a text that somebody still needs\n";
   ExpectRefused("not a map database");
