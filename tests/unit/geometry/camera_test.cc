@@ -5,6 +5,10 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
+#include <sstream>
+#include <utility>
+#include <vector>
 
 namespace mapmend {
 namespace {
@@ -79,6 +83,87 @@ TEST_F(ReadCameraTest, ErrorsNameTheFileAndTheKey) {
             std::string::npos);
   EXPECT_NE(ErrorOf(Write("c.yaml", "Camera.fx: -5\nCamera.fy: 500\nCamera.cx: 1\nCamera.cy: 1\n")).find("positive"), std::string::npos);
   EXPECT_NE(ErrorOf(Write("cameras.txt", "1 FULL_OPENCV 640 480 1\n")).find("FULL_OPENCV"), std::string::npos);
+}
+
+// Each key of each format in turn: left out, or not what it should be. The message names it.
+struct CameraFormat {
+  const char* file;
+  std::vector<std::pair<std::string, std::string>> keys;  // as the file and as the message names them
+};
+
+std::string ReadAll(const std::string& path) {
+  std::ifstream file(path);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// The text without the line that begins with the key, or with another value in it.
+std::string WithKey(const std::string& text, const std::string& key, const char* value) {
+  std::istringstream lines(text);
+  std::string result;
+  for (std::string line; std::getline(lines, line);) {
+    const size_t begin = line.find_first_not_of(' ');
+    if (begin != std::string::npos && line.compare(begin, key.size() + 1, key + ":") == 0) {
+      if (value == nullptr) continue;
+      line = line.substr(0, begin) + key + ": " + value;
+    }
+    result += line + "\n";
+  }
+  return result;
+}
+
+TEST_F(ReadCameraTest, EachMissingOrWrongKeyIsNamed) {
+  const CameraFormat formats[] = {
+      {"orb_slam.yaml", {{"Camera.fx", ""}, {"Camera.fy", ""}, {"Camera.cx", ""}, {"Camera.cy", ""}, {"Camera.k1", ""}, {"Camera.k2", ""},
+                         {"Camera.p1", ""}, {"Camera.p2", ""}, {"Camera.width", ""}, {"Camera.height", ""}}},
+      {"orb_slam_fisheye.yaml", {{"Camera.fx", ""}, {"Camera.cy", ""}, {"Camera.k1", ""}, {"Camera.k2", ""}, {"Camera.k3", ""}, {"Camera.k4", ""}}},
+      {"kalibr.yaml", {{"camera_model", "cam0."}, {"intrinsics", "cam0."}, {"distortion_model", "cam0."}, {"distortion_coeffs", "cam0."},
+                       {"resolution", "cam0."}}},
+      {"opencv.yaml", {{"image_width", ""}, {"image_height", ""}, {"camera_matrix", ""}, {"distortion_coefficients", ""}}},
+  };
+  for (const CameraFormat& format : formats) {
+    const std::string text = ReadAll(std::string(MAPMEND_SOURCE_DIR) + "/data/cameras/" + format.file);
+    ASSERT_EQ(ErrorOf(Write("good.yaml", text)), "") << format.file;
+    for (const auto& [key, prefix] : format.keys) {
+      // The data of an OpenCV matrix stand in lines of their own.
+      const bool is_matrix = key == "camera_matrix" || key == "distortion_coefficients";
+      if (!is_matrix) {
+        const std::string missing = ErrorOf(Write("missing.yaml", WithKey(text, key, nullptr)));
+        EXPECT_NE(missing.find("key " + prefix + key + " is missing"), std::string::npos) << format.file << ": " << missing;
+        const std::string list = ErrorOf(Write("list.yaml", WithKey(text, key, "[1]")));
+        EXPECT_NE(list.find("key " + prefix + key), std::string::npos) << format.file << ": " << list;
+        const std::string word = ErrorOf(Write("word.yaml", WithKey(text, key, "nonsense")));
+        EXPECT_NE(word.find("key " + prefix + key), std::string::npos) << format.file << ": " << word;
+      } else {
+        std::string other = text;
+        other.replace(other.find(key), key.size(), "misspelt");
+        const std::string missing = ErrorOf(Write("missing.yaml", other));
+        EXPECT_NE(missing.find("key " + key + " is missing"), std::string::npos) << missing;
+        other = text;
+        other.replace(other.find("data:", other.find(key)), 5, "date:");
+        const std::string empty = ErrorOf(Write("empty.yaml", other));
+        EXPECT_NE(empty.find("key " + key + ".data is missing"), std::string::npos) << empty;
+      }
+    }
+  }
+}
+
+TEST_F(ReadCameraTest, WhatCannotBeRightIsRefused) {
+  const std::string opencv = ReadAll(std::string(MAPMEND_SOURCE_DIR) + "/data/cameras/opencv.yaml");
+  const auto opencv_with = [&](const std::string& from, const std::string& to) {
+    std::string text = opencv;
+    return ErrorOf(Write("o.yaml", text.replace(text.find(from), from.size(), to)));
+  };
+  EXPECT_NE(opencv_with("0.01538, 0., 0., 0.", "0.01538, 0., 0., 0., 0.1, 0.2, 0.3").find("more than 5"), std::string::npos);
+  EXPECT_NE(opencv_with("478.25, 0., 399.5", "478.25, 2., 399.5").find("camera_matrix.data is not"), std::string::npos);
+  EXPECT_NE(opencv_with("image_width: 800", "image_width: 800.5").find("image_width is not a number of pixels"), std::string::npos);
+  EXPECT_NE(opencv_with("image_width: 800", "fisheye_model: maybe\nimage_width: 800").find("fisheye_model is \"maybe\""), std::string::npos);
+  EXPECT_NE(ErrorOf(Write("cameras.txt", "1 OPENCV 800 600 478 478 400 x 0 0 0 0\n")).find("\"x\" is not a number"), std::string::npos);
+  EXPECT_NE(ErrorOf(Write("cameras.txt", "1 OPENCV 800 600 478 478 400 300 0 0 0\n")).find("needs 8 parameters, it has 7"), std::string::npos);
+  EXPECT_NE(ErrorOf(Write("cameras.txt", "1 PINHOLE 800 -600 478 478 400 300\n")).find("width and height"), std::string::npos);
+  EXPECT_NE(ErrorOf(Write("cameras.txt", "# nothing\n\r\n")).find("no camera found"), std::string::npos);
+  EXPECT_NE(ErrorOf(Write("other.yaml", "a: 1\n")).find("none of the keys"), std::string::npos);
+  EXPECT_NE(ErrorOf(Write("empty.yaml", "")).find("no camera found"), std::string::npos);
+  EXPECT_NE(ErrorOf(Write("k.yaml", "cam0: 5\n")).find("key cam0"), std::string::npos);
 }
 
 // Undistortion must undo the projection: a point's undistorted pixel is where the ideal camera sees it.
