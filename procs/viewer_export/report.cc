@@ -91,6 +91,10 @@ std::string Figures(const Json& s) {
       Figure(Percent(main, in), "of all frames in the map", Int(s["frames_in_main"]) + " of " + Int(s["frames_in"]));
   html +=
       Figure(Percent(tracked, in), "of all frames tracked", Int(s["frames_tracked"]) + " of " + Int(s["frames_in"]));
+  const Json frontend = s.value("frontend", Json::object());
+  if (const int64_t dropped = frontend.value("frames_dropped", int64_t{0}); dropped > 0) {
+    html += Figure(std::to_string(dropped), "frames dropped", "came while the frontend was busy");
+  }
   html += Figure(std::to_string(s["submaps"].size()), "submaps",
                  Int(s["losses"]) + (s["losses"] == 1 ? " loss" : " losses") + " of tracking");
   html += Figure(Int(s["keyframes_in_main"]), "keyframes in the map", "of " + Int(s["keyframes_total"]));
@@ -153,7 +157,7 @@ std::string SubmapTable(const Json& s) {
       "<h2>Submaps</h2>\n<div class=\"scroll\"><table>\n<tr><th>Submap</th><th class=\"left\">Belongs to</th><th>First "
       "frame</th><th>Last frame</th>"
       "<th>Frames</th><th>Keyframes</th><th>Points</th><th>Scale in the map</th>" +
-      std::string(errors ? "<th>Error RMSE</th><th>Error max</th>" : "") +
+      std::string(errors ? "<th>Error RMSE</th><th>Error max</th><th>Max of depth</th>" : "") +
       "<th class=\"text\">Ended because</th></tr>\n";
   for (const Json& m : s["submaps"]) {
     html += "<tr><td>" + Chip(m["id"]) + "</td><td class=\"left\">" + PartName(s, m["component"]) +
@@ -166,6 +170,7 @@ std::string SubmapTable(const Json& s) {
       for (const char* key : {"ate_rmse_m", "ate_max_m"}) {
         html += "<td>" + (m.contains(key) ? Fixed(m[key], 3) + " m" : std::string("–")) + "</td>";
       }
+      html += "<td>" + (m.contains("max_error_of_depth") ? Percent(m["max_error_of_depth"], 1) : std::string("–")) + "</td>";
     }
     const std::string reason = m["end_reason"], detail = m["end_detail"];
     const std::string words = reason.empty() ? "still growing" : EscapeXml(Readable(reason));
@@ -176,7 +181,8 @@ std::string SubmapTable(const Json& s) {
   if (errors) {
     html +=
         "<p class=\"note\">The errors are of each submap as it was tracked, aligned to the ground truth by itself "
-        "(rotation, translation and scale).</p>\n";
+        "(rotation, translation and scale). <b>Max of depth</b>: the largest error of a frame as a share of the distance to the "
+        "scene there.</p>\n";
   }
   return html;
 }

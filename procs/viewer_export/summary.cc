@@ -18,6 +18,15 @@ void AddErrors(const Evaluation& evaluation, Json* json) {
   (*json)["ate_max_m"] = evaluation.max;
 }
 
+void AddDepthShare(const SnapshotSubmap& submap, const DepthShare& share, Json* json) {
+  if (share.median_depth <= 0) return;
+  (*json)["scene_depth_m"] = share.median_depth;
+  (*json)["max_error_of_depth"] = share.largest;
+  for (const auto& frame : submap.frames) {
+    if (frame.utime == share.utime) (*json)["max_error_of_depth_frame"] = frame.frame;
+  }
+}
+
 Json Sessions(const Snapshot& snapshot) {
   Json sessions = Json::array();
   for (const std::string& id : snapshot.model->SessionOrder()) {
@@ -49,7 +58,10 @@ Json Submaps(const Snapshot& snapshot, const MapEvaluation* evaluation) {
                  {"end_reason", s.submap->end_reason},
                  {"end_detail", s.submap->end_detail},
                  {"root_from_submap", ToArray(s.root_from_submap)}};
-    if (evaluation != nullptr) AddErrors(evaluation->submaps[i], &json);
+    if (evaluation != nullptr) {
+      AddErrors(evaluation->submaps[i], &json);
+      AddDepthShare(s, evaluation->depth_shares[i], &json);
+    }
     submaps.push_back(json);
   }
   return submaps;
@@ -144,6 +156,11 @@ std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evalu
         json["groundtruth_problem"] = main.reason;
       }
     }
+  }
+  if (evaluation != nullptr) {
+    double largest = 0;
+    for (const DepthShare& share : evaluation->depth_shares) largest = std::max(largest, share.largest);
+    if (largest > 0) json["max_error_of_depth"] = largest;
   }
   json["sessions"] = Sessions(snapshot);
   json["submaps"] = Submaps(snapshot, evaluation);

@@ -108,8 +108,27 @@ TEST_F(ExporterTest, GroundTruthGivesErrorsInMetres) {
   EXPECT_NEAR(summary["groundtruth_scale"].get<double>(), 10.0, 1e-4);
   EXPECT_NEAR(summary["groundtruth_coverage"].get<double>(), 0.8, 1e-12);
   EXPECT_LT(summary["submaps"][1]["ate_max_m"].get<double>(), 1e-4);
+  EXPECT_LT(summary["submaps"][1]["max_error_of_depth"].get<double>(), 1e-4);
+  EXPECT_NEAR(summary["submaps"][1]["scene_depth_m"].get<double>(), 50, 1e-3);
   EXPECT_THAT(Read("trajectory.svg"), HasSubstr("ground truth"));
   EXPECT_THAT(Read("report.html"), HasSubstr("error (ATE RMSE)"));
+}
+
+TEST_F(ExporterTest, TheLargestErrorIsAShareOfTheDistanceToTheScene) {
+  const TestFlight flight;
+  MapModel model = MakeModel(flight);
+  model.SetRevision(flight.Revision());
+  GroundTruth truth = Truth(flight, 50);
+  truth.trajectory[31].world_from_camera.translation.z() += 5;  // a tenth of the height; the alignment takes up some of it
+  ExportAll(model, &truth, dir_.string());
+  const auto summary = Summary();
+  const auto& submap = summary["submaps"][1];
+  EXPECT_EQ(submap["max_error_of_depth_frame"], 31);
+  EXPECT_GT(submap["max_error_of_depth"].get<double>(), 0.05);
+  EXPECT_LT(submap["max_error_of_depth"].get<double>(), 0.1);
+  EXPECT_LT(summary["submaps"][0]["max_error_of_depth"].get<double>(), 1e-4);
+  EXPECT_EQ(summary["max_error_of_depth"], submap["max_error_of_depth"]);
+  EXPECT_THAT(Read("report.html"), HasSubstr("Max of depth"));
 }
 
 TEST_F(ExporterTest, PlyHoldsPointsWithColoursThenThePath) {
