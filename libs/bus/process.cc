@@ -9,6 +9,8 @@
 #include <cstdlib>
 #include <iostream>
 
+#include "libs/bus/stop_request.h"
+
 namespace mapmend {
 namespace {
 
@@ -51,6 +53,8 @@ void InstallSignalHandlers() {
 }
 
 bool StopRequested() { return g_stop_requested != 0; }
+
+void WithdrawStopRequest() { g_stop_requested = 0; }
 
 int RunMain(const std::string& name, int (*body)(int argc, char** argv), int argc, char** argv) {
   try {

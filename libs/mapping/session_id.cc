@@ -2,6 +2,8 @@
 
 #include <cstdint>
 #include <cstdio>
+#include <fstream>
+#include <stdexcept>
 
 namespace mapmend {
 namespace {
@@ -21,6 +23,13 @@ std::string SessionIdFromText(const std::string& text) {
                 static_cast<unsigned>(high >> 16 & 0xffff), static_cast<unsigned>(high & 0xfff),
                 static_cast<unsigned>(0x8000 | (low >> 48 & 0x3fff)),
                 static_cast<unsigned long long>(low & 0xffffffffffffULL));
+  return uuid;
+}
+
+std::string NewSessionId() {
+  std::ifstream file("/proc/sys/kernel/random/uuid");
+  std::string uuid;
+  if (!(file >> uuid)) throw std::runtime_error("cannot make a session id: /proc/sys/kernel/random/uuid cannot be read");
   return uuid;
 }
 

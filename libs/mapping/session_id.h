@@ -8,4 +8,7 @@ namespace mapmend {
 // the same name, so that two runs can be compared bit for bit.
 std::string SessionIdFromText(const std::string& text);
 
+// A UUID that nothing else has. Throws std::runtime_error with one line if the kernel gives none.
+std::string NewSessionId();
+
 }  // namespace mapmend

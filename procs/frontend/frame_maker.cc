@@ -21,11 +21,13 @@ double Sharpness(const cv::Mat& grey) {
 
 FramePtr FrameMaker::Make(const SourceImage& image) const {
   cv::Mat pixels = *image.pixels;
-  if (scale_ != 1.0) cv::resize(pixels, pixels, {camera_.width, camera_.height}, 0, 0, cv::INTER_AREA);
-  if (pixels.cols != camera_.width || pixels.rows != camera_.height) {
+  if (pixels.cols != input_width_ || pixels.rows != input_height_) {
     throw std::runtime_error("frame " + std::to_string(image.index) + " has " + std::to_string(pixels.cols) + " x " +
                              std::to_string(pixels.rows) + " pixels, the camera file says " +
-                             std::to_string(camera_.width) + " x " + std::to_string(camera_.height));
+                             std::to_string(input_width_) + " x " + std::to_string(input_height_));
+  }
+  if (pixels.cols != camera_.width || pixels.rows != camera_.height) {
+    cv::resize(*image.pixels, pixels, {camera_.width, camera_.height}, 0, 0, cv::INTER_AREA);
   }
   cv::Mat grey = pixels;
   if (pixels.channels() == 3) cv::cvtColor(pixels, grey, cv::COLOR_BGR2GRAY);

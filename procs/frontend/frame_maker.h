@@ -1,25 +1,25 @@
 #pragma once
 
+#include "libs/capture/image_stream.h"
 #include "libs/features/orb_extractor.h"
 #include "libs/geometry/camera.h"
 #include "procs/frontend/frame.h"
-#include "procs/frontend/image_source.h"
 
 namespace mapmend {
 
 // Turns images into frames: grey, features, undistortion, colours. Thread-safe, so that it may run ahead of tracking.
 class FrameMaker {
  public:
-  // camera: of images after scaling by scale.
-  FrameMaker(const Camera& camera, double scale, const OrbOptions& options)
-      : camera_(camera), scale_(scale), extractor_(options) {}
+  // camera: of the images as they come.  scaled: the same after scaling to its width and height.
+  FrameMaker(const Camera& camera, const Camera& scaled, const OrbOptions& options)
+      : input_width_(camera.width), input_height_(camera.height), camera_(scaled), extractor_(options) {}
 
   // Throws std::runtime_error if the image's size is not the camera's.
   FramePtr Make(const SourceImage& image) const;
 
  private:
+  int input_width_, input_height_;
   Camera camera_;
-  double scale_;
   OrbExtractor extractor_;
 };
 

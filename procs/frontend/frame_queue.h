@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <exception>
@@ -7,17 +8,17 @@
 #include <optional>
 #include <thread>
 
+#include "libs/capture/image_stream.h"
 #include "procs/frontend/frame_maker.h"
-#include "procs/frontend/image_source.h"
 #include "procs/frontend/profiler.h"
 
 namespace mapmend {
 
-// Reads images and extracts their features in a thread of its own, a few frames ahead of tracking. The frames and their order
-// do not depend on timing.
+// Takes images and extracts their features in a thread of its own, a few frames ahead of tracking. From a stream that drops no
+// images, the frames and their order do not depend on timing.
 class FrameQueue {
  public:
-  FrameQueue(ImageSource* source, const FrameMaker* maker, size_t ahead = 3) : ahead_(ahead) {
+  FrameQueue(ImageStream* source, const FrameMaker* maker, size_t ahead = 3) : source_(source), ahead_(ahead) {
     thread_ = std::thread([this, source, maker] { Produce(source, maker); });
   }
   ~FrameQueue() {
@@ -25,16 +26,19 @@ class FrameQueue {
       const std::lock_guard lock(mutex_);
       stop_ = true;
     }
+    source_->Stop();
     changed_.notify_all();
     thread_.join();
   }
 
-  // Null at the end. Rethrows what reading or extraction threw.
-  FramePtr Next() {
+  // Waits up to timeout_ms for the next frame. Null if none has come, or none will (then HasEnded). Rethrows what reading or
+  // extraction threw.
+  FramePtr Next(int timeout_ms) {
     std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return !frames_.empty() || ended_; });
+    changed_.wait_for(lock, std::chrono::milliseconds(timeout_ms), [this] { return !frames_.empty() || produced_all_; });
     if (frames_.empty()) {
-      if (error_) std::rethrow_exception(error_);
+      has_ended_ = produced_all_;
+      if (has_ended_ && error_) std::rethrow_exception(error_);
       return nullptr;
     }
     FramePtr frame = frames_.front();
@@ -42,9 +46,10 @@ class FrameQueue {
     changed_.notify_all();
     return frame;
   }
+  bool HasEnded() const { return has_ended_; }
 
  private:
-  static std::optional<SourceImage> Read(ImageSource* source) {
+  static std::optional<SourceImage> Read(ImageStream* source) {
     const StageTimer timer("capture/read");
     return source->Next();
   }
@@ -52,7 +57,7 @@ class FrameQueue {
     const StageTimer timer("capture/features");
     return maker->Make(image);
   }
-  void Produce(ImageSource* source, const FrameMaker* maker) {
+  void Produce(ImageStream* source, const FrameMaker* maker) {
     try {
       while (const auto image = Read(source)) {
         FramePtr frame = Make(maker, *image);
@@ -66,16 +71,17 @@ class FrameQueue {
       error_ = std::current_exception();
     }
     const std::lock_guard lock(mutex_);
-    ended_ = true;
+    produced_all_ = true;
     changed_.notify_all();
   }
 
+  ImageStream* source_;
   size_t ahead_;
   std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<FramePtr> frames_;
   std::exception_ptr error_;
-  bool ended_ = false, stop_ = false;
+  bool produced_all_ = false, stop_ = false, has_ended_ = false;
   std::thread thread_;
 };
 

@@ -16,8 +16,12 @@
 #include "libs/bus/channels.h"
 #include "libs/bus/health.h"
 #include "libs/bus/stream_sender.h"
+#include "libs/capture/image_source.h"
+#include "libs/capture/paced_images.h"
+#include "libs/mapping/session_id.h"
 #include "libs/retrieval/vocabulary.h"
 #include "procs/frontend/frame_queue.h"
+#include "procs/frontend/live_images.h"
 #include "procs/frontend/profiler.h"
 #include "procs/frontend/run_options.h"
 
@@ -25,6 +29,7 @@ namespace mapmend {
 namespace {
 
 constexpr int kExitTruncatedInput = 3;
+constexpr int kTickMs = 200;
 constexpr int kFlushTimeoutMs = 20000, kStopFlushTimeoutMs = 1500;  // without progress; asked to stop, the store may be gone
 
 double Percentile(std::vector<double> values, double share) {
@@ -34,9 +39,53 @@ double Percentile(std::vector<double> values, double share) {
   return *at;
 }
 
+void CheckInput(const RunOptions& options) {
+  const auto refuse = [](bool given, const char* what) {
+    if (given) throw std::runtime_error(std::string(what) + " does not go with --live");
+  };
+  if (options.mode == InputMode::kLive) {
+    refuse(!options.input.empty(), "an input file");
+    refuse(!options.times_path.empty(), "--times");
+    refuse(!options.skip_frames.empty(), "--skip-frames");
+  } else if (options.input.empty()) {
+    throw std::runtime_error("no input: give a video file or a folder of images, or --live");
+  }
+}
+
+// The images of one run: a file, in real time or not, or a camera.
+class Input {
+ public:
+  Input(const RunOptions& options, const Camera& camera, const std::set<int>& skip) {
+    if (options.mode == InputMode::kLive) {
+      live_ = std::make_unique<LiveImages>(ResolveLcmUrl(options.process.lcm_url), options.process.channel_prefix, camera.width,
+                                           camera.height, options.max_waiting);
+      return;
+    }
+    file_ = std::make_unique<ImageSource>(options.input, options.times_path, camera.fps, skip);
+    if (options.mode == InputMode::kRealtime) paced_ = std::make_unique<PacedImages>(file_.get(), options.speed, options.max_waiting);
+  }
+  ImageStream* Stream() const {
+    if (live_) return live_.get();
+    if (paced_) return paced_.get();
+    return file_.get();
+  }
+  int NumFrames() const { return file_ ? file_->NumFrames() : 0; }  // 0: nobody knows
+  int64_t NumBad() const { return live_ ? live_->NumBad() : 0; }
+  std::string LastProblem() const { return live_ ? live_->LastProblem() : ""; }
+  std::string Truncated() const { return file_ ? file_->Truncated() : ""; }
+
+ private:
+  std::unique_ptr<LiveImages> live_;
+  std::unique_ptr<ImageSource> file_;
+  std::unique_ptr<PacedImages> paced_;  // reads file_
+};
+
 // A calibration file need not say the size of the images: then the first one does.
 Camera WithImageSize(Camera camera, const RunOptions& options, const std::set<int>& skip) {
   if (camera.width > 0 && camera.height > 0) return camera;
+  if (options.mode == InputMode::kLive) {
+    throw std::runtime_error("camera file " + options.camera_path + ": does not say width and height, which --live needs");
+  }
   ImageSource source(options.input, "", camera.fps, skip);
   const auto image = source.Next();
   if (!image) throw std::runtime_error("input " + options.input + ": holds no readable frame");
@@ -64,7 +113,7 @@ SessionStarted DescribeSession(const RunOptions& options, const Camera& camera, 
   SessionStarted started;
   started.version = MAPMEND_VERSION;
   started.vehicle = options.vehicle;
-  started.source = std::filesystem::path(options.input).filename().string();
+  started.source = options.mode == InputMode::kLive ? "live camera" : std::filesystem::path(options.input).filename().string();
   started.camera = camera;
   started.pinhole = camera.Ideal();
   started.pyramid = pyramid;
@@ -88,23 +137,40 @@ void WriteProfile(const std::string& path) {
   if (!file.flush()) throw std::runtime_error("profile " + path + ": cannot be written");
 }
 
+std::string ExplainNoFrame(const RunOptions& options, const Input& input) {
+  if (options.mode != InputMode::kLive) return "input " + options.input + ": holds no readable frame";
+  if (input.NumBad() == 0) return "no image came on channel " + options.process.channel_prefix + channels::kImage;
+  const std::string problem = input.LastProblem().empty() ? "not an image_t" : input.LastProblem();
+  return "none of " + std::to_string(input.NumBad()) + " images on channel " + options.process.channel_prefix + channels::kImage +
+         " was good; the last: " + problem;
+}
+
+// One line for a person; empty if nothing was lost.
+std::string DescribeDropped(int64_t num_dropped, int64_t num_bad) {
+  std::string text;
+  if (num_dropped > 0) text = std::to_string(num_dropped) + " frames came while the frontend was busy and were dropped";
+  if (num_bad > 0) text += (text.empty() ? "" : "; ") + std::to_string(num_bad) + " images were refused";
+  return text;
+}
+
 }  // namespace
 
 int RunFrontend(const RunOptions& options) {
   if (!options.profile_path.empty()) Profiler::Global().Enable();
+  CheckInput(options);
+  const bool is_live = options.mode == InputMode::kLive;
   const std::set<int> skip = ParseFrameRanges(options.skip_frames);
-  Camera camera = WithImageSize(ReadCamera(options.camera_path), options, skip);
-  double scale = 1.0;
-  if (options.max_dimension > 0) scale = std::min(1.0, options.max_dimension / static_cast<double>(std::max(camera.width, camera.height)));
-  if (scale < 1.0) camera = camera.Scaled(scale);
-  ImageSource source(options.input, options.times_path, camera.fps, skip);
+  const Camera input_camera = WithImageSize(ReadCamera(options.camera_path), options, skip);
+  Camera camera = input_camera;
+  const int dimension = std::max(camera.width, camera.height);
+  if (options.max_dimension > 0 && dimension > options.max_dimension) camera = camera.Scaled(options.max_dimension / static_cast<double>(dimension));
   const Vocabulary vocabulary = Vocabulary::Read(options.vocabulary_path);
   OrbOptions orb;
   orb.num_features = options.num_features;
   if (orb.num_features == 0) orb.num_features = camera.width * camera.height <= 1000000 ? 1000 : 2000;
   orb.Check();
-  const FrameMaker maker(camera, scale, orb);
-  const std::string session = options.session.empty() ? SessionForFile(options) : options.session;
+  const FrameMaker maker(input_camera, camera, orb);
+  const std::string session = !options.session.empty() ? options.session : is_live ? NewSessionId() : SessionForFile(options);
 
   Bus bus(ResolveLcmUrl(options.process.lcm_url), options.process.channel_prefix);
   HealthReporter health(&bus, "frontend");
@@ -117,9 +183,12 @@ int RunFrontend(const RunOptions& options) {
   Frontend frontend(frontend_options, camera.Ideal(), pyramid, &vocabulary,
                     [&](int64_t utime, RecordBody body) { sender.Append(utime, std::move(body)); });
 
-  FrameQueue queue(&source, &maker);
-  health.SetCounter("frames_total", source.NumFrames());
-  health.SetState("busy");
+  // Last of all: a camera or a clock does not wait.
+  const Input input(options, input_camera, skip);
+  FrameQueue queue(input.Stream(), &maker, options.mode == InputMode::kLockstep ? 3 : 1);
+  health.SetCounter("frames_total", input.NumFrames());
+  health.SetCounter("live", is_live);
+  health.SetState(is_live ? "ready" : "busy", is_live ? "waits for images on MAPMEND_IMAGE" : "");
   std::vector<double> track_ms;
   const auto begin = std::chrono::steady_clock::now();
   int num_frames = 0;
@@ -127,6 +196,8 @@ int RunFrontend(const RunOptions& options) {
   const auto report = [&] {
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     health.SetCounter("frames", num_frames);
+    health.SetCounter("frames_dropped", static_cast<double>(input.Stream()->NumDropped()));
+    health.SetCounter("bad_messages", static_cast<double>(input.NumBad()));
     health.SetCounter("fps", num_frames / std::max(1e-3, seconds));
     health.SetCounter("tracked", frontend.NumTracked());
     health.SetCounter("submaps", frontend.NumSubmaps());
@@ -134,12 +205,22 @@ int RunFrontend(const RunOptions& options) {
     health.SetCounter("losses", frontend.NumLosses());
     health.SetCursor(session, sender.LastSeq());
     health.SetQueueDepth(static_cast<int>(sender.LastSeq() - sender.AcknowledgedSeq()));
+    if (const std::string problem = input.LastProblem(); !problem.empty()) {
+      health.SetState(num_frames > 0 ? "busy" : "ready", "images are refused: " + problem);
+    } else if (num_frames > 0) {
+      health.SetState("busy");
+    }
   };
   while (!StopRequested()) {
-    const FramePtr frame = queue.Next();
-    if (!frame) break;
+    const FramePtr frame = queue.Next(kTickMs);
+    if (!frame) {
+      if (queue.HasEnded()) break;
+      report();
+      health.Tick();
+      continue;
+    }
     if (num_frames++ == 0) {
-      sender.Append(frame->utime, DescribeSession(options, camera, pyramid, vocabulary, source.NumFrames()));
+      sender.Append(frame->utime, DescribeSession(options, camera, pyramid, vocabulary, input.NumFrames()));
     }
     last_utime = frame->utime;
     const FrameOutcome outcome = frontend.ProcessFrame(frame);
@@ -153,23 +234,27 @@ int RunFrontend(const RunOptions& options) {
       spdlog::warn("the submap store cannot write: {}; buffering", error);
     }
   }
-  if (num_frames == 0 && !StopRequested()) throw std::runtime_error("input " + options.input + ": holds no readable frame");
+  // To be stopped is how a live flight ends.
+  const bool cut_off = StopRequested() && !is_live;
+  if (num_frames == 0 && !cut_off) throw std::runtime_error(ExplainNoFrame(options, input));
   frontend.Finish();
   if (num_frames > 0) sender.Append(last_utime, SessionEnded{num_frames});
   report();
   health.SetCounter("track_ms_median", Percentile(track_ms, 0.5));
   health.SetCounter("track_ms_p95", Percentile(track_ms, 0.95));
   health.Tick();
-  if (!sender.Flush(StopRequested() ? kStopFlushTimeoutMs : kFlushTimeoutMs)) {
+  if (!sender.Flush(cut_off ? kStopFlushTimeoutMs : kFlushTimeoutMs)) {
     const std::string why = sender.StoreError().empty() ? "the submap store does not answer" : sender.StoreError();
     throw std::runtime_error(std::to_string(sender.LastSeq() - sender.AcknowledgedSeq()) + " records were not stored (" + why + ")" +
                              (options.outbox_path.empty() ? "" : "; they are kept in " + options.outbox_path));
   }
   report();
   if (!options.profile_path.empty()) WriteProfile(options.profile_path);
-  health.SetState("done", source.Truncated());
-  if (!source.Truncated().empty()) {
-    spdlog::error("{}", source.Truncated());
+  const std::string dropped = DescribeDropped(input.Stream()->NumDropped(), input.NumBad());
+  if (!dropped.empty()) spdlog::warn("{}", dropped);
+  health.SetState("done", input.Truncated().empty() ? dropped : input.Truncated());
+  if (!input.Truncated().empty()) {
+    spdlog::error("{}", input.Truncated());
     return kExitTruncatedInput;
   }
   return 0;

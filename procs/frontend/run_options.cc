@@ -9,7 +9,7 @@ namespace mapmend {
 
 std::string ToJson(const RunOptions& options) {
   const FrontendOptions& f = options.frontend;
-  const nlohmann::json json = {
+  nlohmann::json json = {
       {"num_features", options.num_features},
       {"max_dimension", options.max_dimension},
       {"seed", options.seed},
@@ -20,7 +20,12 @@ std::string ToJson(const RunOptions& options) {
       {"min_inliers", f.tracker.min_inliers},
       {"bundle_keyframes", f.mapper.bundle_keyframes},
   };
+  if (options.mode != InputMode::kLockstep) json["mode"] = ModeName(options.mode);
   return json.dump();
+}
+
+std::string ModeName(InputMode mode) {
+  return mode == InputMode::kLive ? "live" : mode == InputMode::kRealtime ? "realtime" : "lockstep";
 }
 
 std::string SessionForFile(const RunOptions& options) {

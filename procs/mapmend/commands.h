@@ -15,6 +15,7 @@ void AddExportCommand(CLI::App* app);
 void AddMergeCommand(CLI::App* app);
 void AddForwardCommands(CLI::App* app);
 void AddRunCommand(CLI::App* app);
+void AddPublishCommand(CLI::App* app);
 void AddReplayCommand(CLI::App* app);
 void AddStatusCommand(CLI::App* app);
 void AddSpyCommand(CLI::App* app);

@@ -13,6 +13,7 @@ int main(int argc, char** argv) {
   app.footer("`mapmend COMMAND --help` tells more.");
   mapmend::AddRunCommand(&app);
   mapmend::AddReplayCommand(&app);
+  mapmend::AddPublishCommand(&app);
   mapmend::AddStatusCommand(&app);
   mapmend::AddExportCommand(&app);
   mapmend::AddMergeCommand(&app);

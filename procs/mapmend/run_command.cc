@@ -1,5 +1,6 @@
 #include <memory>
 
+#include "libs/bus/bus.h"
 #include "procs/mapmend/bus_plan.h"
 #include "procs/mapmend/commands.h"
 #include "procs/mapmend/run_flight.h"
@@ -9,8 +10,7 @@ namespace mapmend {
 void AddRunCommand(CLI::App* app) {
   CLI::App* sub = app->add_subcommand("run", "Map one flight: a video or a folder of images becomes one merged map");
   const auto options = std::make_shared<RunOptions>();
-  sub->add_option("INPUT", options->input, "video file, or folder of images taken in the order of their names")
-      ->required();
+  sub->add_option("INPUT", options->input, "video file, or folder of images taken in the order of their names; none with --live");
   sub->add_option("--camera", options->camera,
                   "calibration: ORB-SLAM, Kalibr, OpenCV or COLMAP format (default: camera.yaml beside INPUT)");
   sub->add_option(
@@ -28,6 +28,17 @@ void AddRunCommand(CLI::App* app) {
                   "larger images are scaled down to this width or height, pixels; 0: never");
   sub->add_option("--seed", options->seed, "of everything random; the same seed gives the same map");
   sub->add_option("--record", options->record, "folder: lcm-logger writes mapmend.lcmlog there, for `mapmend replay`");
+  const auto lockstep = std::make_shared<bool>(false);
+  auto* lockstep_flag = sub->add_flag("--lockstep", *lockstep, "every frame of INPUT, however long it takes: the same map each time (the default)");
+  auto* realtime_flag = sub->add_flag("--realtime", options->realtime, "play INPUT at the pace of its times; frames that come while tracking is busy are dropped, and counted");
+  auto* live_flag = sub->add_flag("--live", options->live,
+                                  "images come over the bus (channel MAPMEND_IMAGE, e.g. from `mapmend publish`) until the camera ends the "
+                                  "stream, or Ctrl-C; frames that come while tracking is busy are dropped, and counted");
+  realtime_flag->excludes(lockstep_flag);
+  live_flag->excludes(lockstep_flag)->excludes(realtime_flag);
+  sub->add_option("--speed", options->speed, "with --realtime: times as fast as the frames were taken (default: 1)")->check(CLI::PositiveNumber);
+  sub->add_option("--max-waiting", options->max_waiting, "with --realtime or --live: frames that may wait before the oldest is dropped (default: 3)")
+      ->check(CLI::Range(1, 1000));
   sub->add_flag("--profile", options->profile,
                 "print the frontend's time per frame for each stage; also in summary.json and the report");
   sub->add_option("--port", options->port, "of the live page, 0: none (default: a free one from 8080 on)");
@@ -45,9 +56,11 @@ void AddRunCommand(CLI::App* app) {
   sub->footer(
       "Exit codes: 0 done; 1 an error, told in one line; 3 INPUT ends early (what could be read is mapped); 130 "
       "interrupted\n"
-      "(map.db holds what was mapped so far).");
-  sub->callback([options] {
+      "(map.db holds what was mapped so far). With --live the first Ctrl-C ends the flight: the map is finished.");
+  sub->callback([options, lockstep] {
     options->lcm_url = UrlFromOptionOrEnvironment(options->lcm_url);
+    // A camera cannot know the port of a private hub.
+    if (options->live && options->lcm_url.empty()) options->lcm_url = ResolveLcmUrl("");
     const int code = RunFlight(CheckRunInputs(*options));
     if (code != 0) throw CLI::RuntimeError(code);
   });

@@ -1,13 +1,16 @@
 #include "procs/mapmend/run_flight.h"
 
+#include <signal.h>
+
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <stdexcept>
 
+#include "libs/bus/channels.h"
 #include "libs/bus/process.h"
+#include "libs/bus/stop_request.h"
 #include "libs/geometry/write_file.h"
 #include "libs/mapping/session_id.h"
 #include "procs/mapmend/backend.h"
@@ -23,24 +26,17 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-std::string NewSession() {
-  std::ifstream file("/proc/sys/kernel/random/uuid");
-  std::string uuid;
-  if (!(file >> uuid))
-    throw std::runtime_error("cannot make a session id: /proc/sys/kernel/random/uuid cannot be read");
-  return uuid;
-}
-
 // A flight's own name: equal input and options give equal streams, down to the name. A flight that joins an existing map gets a
 // new one, because the map may hold it already.
 std::string SessionOf(const RunOptions& options) {
   if (!options.session.empty()) return options.session;
-  if (options.append) return NewSession();
+  if (options.append || options.live) return NewSessionId();
   const std::filesystem::path input(options.input);
   std::string text = std::filesystem::absolute(input).lexically_normal().filename().string();
   if (std::filesystem::is_regular_file(input)) text += "|" + std::to_string(std::filesystem::file_size(input));
   for (const std::string& option : {options.skip_frames, options.vehicle}) text += "|" + option;
   for (const auto& number : {options.seed, options.features, options.max_dimension}) text += "|" + std::to_string(number.value_or(-1));
+  if (options.realtime) text += "|realtime";
   return SessionIdFromText(text);
 }
 
@@ -48,8 +44,10 @@ std::string ProfilePath(const RunOptions& options) { return options.out + "/logs
 
 std::vector<std::string> FrontendArguments(const RunOptions& options, const std::string& session) {
   std::vector<std::string> argv = {
-      FindProgram("frontend"), options.input, "--camera", options.camera, "--vocabulary",
-      options.vocabulary,      "--session",   session,    "--outbox",     options.out + "/outbox"};
+      FindProgram("frontend"), "--camera", options.camera, "--vocabulary",         options.vocabulary,
+      "--session",             session,    "--outbox",     options.out + "/outbox"};
+  argv.push_back(options.live ? "--live" : options.input);
+  if (options.realtime) argv.push_back("--realtime");
   const auto add = [&](const char* name, const std::string& value) {
     if (!value.empty()) argv.insert(argv.end(), {name, value});
   };
@@ -60,6 +58,8 @@ std::vector<std::string> FrontendArguments(const RunOptions& options, const std:
   add("--skip-frames", options.skip_frames);
   add("--vehicle", options.vehicle);
   if (options.profile) add("--profile", ProfilePath(options));
+  if (options.speed) add("--speed", std::to_string(*options.speed));
+  add_number("--max-waiting", options.max_waiting);
   add_number("--seed", options.seed);
   add_number("--features", options.features);
   add_number("--max-dimension", options.max_dimension);
@@ -71,13 +71,52 @@ std::string DescribeProgress(const Backend& backend, int num_frames) {
   const double frames = CounterOr(frontend, "frames", 0), fps = CounterOr(frontend, "fps", 0);
   const double total = CounterOr(frontend, "frames_total", num_frames);
   char text[200];
+  const double dropped = CounterOr(frontend, "frames_dropped", 0), bad = CounterOr(frontend, "bad_messages", 0);
   int size = std::snprintf(text, sizeof(text), "%.0f", frames);
   if (total > 0) size += std::snprintf(text + size, sizeof(text) - size, "/%.0f", total);
   size += std::snprintf(text + size, sizeof(text) - size, " frames  %.1f fps  %.0f submaps  %.0f connections", fps,
                         CounterOr(frontend, "submaps", 0), CounterOr(backend.Health("merger"), "connections", 0));
   std::string result(text, size);
-  if (total > frames && fps > 0) result += "  " + FormatDuration((total - frames) / fps) + " left";
+  if (dropped > 0) result += "  " + std::to_string(static_cast<int64_t>(dropped)) + " dropped";
+  if (bad > 0) result += "  " + std::to_string(static_cast<int64_t>(bad)) + " refused";
+  const double left = total - frames - dropped;
+  if (left > 0 && fps > 0) result += "  " + FormatDuration(left / fps) + " left";
   return result;
+}
+
+// Dispatches the bus. In a live flight the first Ctrl-C asks the frontend to finish; the second interrupts.
+class FlightEnd {
+ public:
+  FlightEnd(const RunOptions& options, Backend* backend) : may_land_(options.live), backend_(backend) {}
+  void Tick(int timeout_ms) {
+    try {
+      backend_->Tick(timeout_ms);
+    } catch (const Interrupted&) {
+      const pid_t frontend = backend_->supervisor()->Pid("frontend");
+      if (!may_land_ || frontend <= 0) throw;
+      may_land_ = false;
+      WithdrawStopRequest();
+      kill(frontend, SIGINT);
+    }
+  }
+
+ private:
+  bool may_land_;
+  Backend* backend_;
+};
+
+// What only the frontend's last health message tells.
+void AddFrontendFigures(const HealthMonitor::Entry& frontend, const RunOptions& options, LauncherFigures* figures) {
+  const auto counter = [&](const char* name) -> std::optional<double> {
+    const auto found = frontend.counters.find(name);
+    if (found == frontend.counters.end()) return std::nullopt;
+    return found->second;
+  };
+  figures->mode = options.live ? "live" : options.realtime ? "realtime" : "lockstep";
+  figures->track_ms_median = counter("track_ms_median");
+  figures->track_ms_p95 = counter("track_ms_p95");
+  figures->frames_dropped = static_cast<int64_t>(counter("frames_dropped").value_or(0));
+  figures->bad_messages = static_cast<int64_t>(counter("bad_messages").value_or(0));
 }
 
 }  // namespace
@@ -111,7 +150,7 @@ int RunFlight(const RunInputs& inputs) {
     std::filesystem::remove(ProfilePath(options));  // of an earlier flight into the same map
     Backend backend(backend_options);
     const std::string session = SessionOf(options);
-    progress.Say("mapping " + options.input + " into " + options.out + "; bus " + backend.Url() +
+    progress.Say("mapping " + (options.live ? "the camera on " + options.channel_prefix + channels::kImage : options.input) + " into " + options.out + "; bus " + backend.Url() +
                  (port > 0 ? "; live page http://127.0.0.1:" + std::to_string(port) : ""));
     WriteFile(options.out + "/logs/lcm-url", backend.Url() + "\n");
     std::unique_ptr<Recorder> recorder;
@@ -119,11 +158,12 @@ int RunFlight(const RunInputs& inputs) {
 
     backend.StartProcess("frontend", FrontendArguments(options, session), OnExit::kReport);
     HealthMonitor::Entry frontend;  // its last word
+    FlightEnd flight_end(options, &backend);
     while (!backend.supervisor()->Status("frontend")) {
       const auto* health = backend.Health("frontend");
       if (health != nullptr) frontend = *health;
       progress.Show(DescribeProgress(backend, inputs.num_frames));
-      backend.Tick(50);
+      flight_end.Tick(50);
     }
     const ExitStatus status = *backend.supervisor()->Status("frontend");
     const bool cut_short = status.signal == 0 && status.code == kExitInputCutShort;
@@ -152,9 +192,7 @@ int RunFlight(const RunInputs& inputs) {
     if (recorder) recorder->Finish();
 
     LauncherFigures figures;
-    if (frontend.counters.contains("track_ms_median"))
-      figures.track_ms_median = frontend.counters.at("track_ms_median");
-    if (frontend.counters.contains("track_ms_p95")) figures.track_ms_p95 = frontend.counters.at("track_ms_p95");
+    AddFrontendFigures(frontend, options, &figures);
     // A frontend that was killed has not written it.
     if (options.profile && std::filesystem::exists(ProfilePath(options))) figures.profile_json = ReadFile(ProfilePath(options));
     figures.processes = backend.StopAll();

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -9,6 +8,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "libs/capture/image_source.h"
 #include "libs/geometry/camera.h"
 #include "libs/geometry/trajectory_file.h"
 #include "libs/retrieval/vocabulary.h"
@@ -86,39 +86,28 @@ void CheckVocabulary(RunInputs* inputs) {
   inputs->vocabulary_hash = Vocabulary::Read(options.vocabulary).Hash();
 }
 
-}  // namespace
-
-std::vector<FrameRange> ParseFrameRanges(const std::string& text) {
-  std::vector<FrameRange> ranges;
-  const char* at = text.data();
-  const char* const end = at + text.size();
-  const auto fail = [&] { Fail("--skip-frames " + text + ": expected ranges of frames, e.g. 80-120,200-240"); };
-  const auto number = [&](int* value) {
-    const auto result = std::from_chars(at, end, *value);
-    if (result.ec != std::errc() || *value < 0) fail();
-    at = result.ptr;
+// What concerns the camera file and the input, for a camera on the bus.
+void CheckLiveInput(RunOptions* options) {
+  const auto refuse = [](bool given, const char* what) {
+    if (given) Fail(std::string(what) + " does not go with --live: the images come over the bus");
   };
-  while (at != end) {
-    FrameRange range;
-    number(&range.first);
-    range.last = range.first;
-    if (at != end && *at == '-') {
-      ++at;
-      number(&range.last);
-    }
-    if (range.last < range.first) fail();
-    ranges.push_back(range);
-    if (at == end) break;
-    if (*at != ',' || ++at == end) fail();
+  refuse(!options->input.empty(), "INPUT");
+  refuse(!options->times.empty(), "--times");
+  refuse(!options->skip_frames.empty(), "--skip-frames");
+  if (options->camera.empty()) Fail("no camera file: give one with --camera");
+  if (options->out.empty()) options->out = "mapmend-live";
+  RequireReadableFile(options->camera, "camera file");
+  const Camera camera = ReadCamera(options->camera);
+  if (camera.width <= 0 || camera.height <= 0) {
+    Fail("camera file " + options->camera + ": does not say width and height, which --live needs");
   }
-  return ranges;
 }
 
-RunInputs CheckRunInputs(const RunOptions& given) {
-  RunInputs inputs;
-  inputs.options = given;
-  RunOptions& options = inputs.options;
+// The same for a file. Notes what was found beside it.
+void CheckFileInput(RunInputs* inputs) {
+  RunOptions& options = inputs->options;
   std::error_code error;
+  if (options.input.empty()) Fail("no input: give a video file or a folder of images, or --live");
   if (!fs::exists(options.input, error)) Fail("input " + options.input + " does not exist");
   const bool is_folder = fs::is_directory(options.input, error);
 
@@ -133,25 +122,37 @@ RunInputs CheckRunInputs(const RunOptions& given) {
     if (!fs::exists(path, error))
       Fail("no camera file: give one with --camera (there is no camera.yaml beside the input either)");
     options.camera = path.string();
-    inputs.notes.push_back("camera " + options.camera + " (found beside the input)");
+    inputs->notes.push_back("camera " + options.camera + " (found beside the input)");
   }
   RequireReadableFile(options.camera, "camera file");
   ReadCamera(options.camera);
   if (options.times.empty() && fs::exists(beside / "times.txt", error)) {
     options.times = (beside / "times.txt").string();
-    inputs.notes.push_back("times " + options.times + " (found beside the input)");
+    inputs->notes.push_back("times " + options.times + " (found beside the input)");
   }
 
-  inputs.num_frames = is_folder ? CountImages(options.input) : ProbeVideo(options.input);
+  inputs->num_frames = is_folder ? CountImages(options.input) : ProbeVideo(options.input);
   if (!options.times.empty()) {
     RequireReadableFile(options.times, "times file");
     const int num_times = CountTimes(options.times);
-    if (num_times < inputs.num_frames) {
+    if (num_times < inputs->num_frames) {
       Fail("times file " + options.times + " has " + std::to_string(num_times) + " lines for " +
-           std::to_string(inputs.num_frames) + " frames; it needs one for each");
+           std::to_string(inputs->num_frames) + " frames; it needs one for each");
     }
   }
   ParseFrameRanges(options.skip_frames);
+}
+
+}  // namespace
+
+RunInputs CheckRunInputs(const RunOptions& given) {
+  RunInputs inputs;
+  inputs.options = given;
+  RunOptions& options = inputs.options;
+  if (options.live) CheckLiveInput(&options);
+  else CheckFileInput(&inputs);
+  if (options.speed && !options.realtime) Fail("--speed needs --realtime");
+  if (options.max_waiting && !options.realtime && !options.live) Fail("--max-waiting needs --realtime or --live");
   if (!options.groundtruth.empty()) {
     RequireReadableFile(options.groundtruth, "ground truth");
     if (ReadTrajectory(options.groundtruth).empty()) Fail("ground truth " + options.groundtruth + " holds no pose");

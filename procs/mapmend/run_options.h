@@ -8,7 +8,7 @@
 namespace mapmend {
 
 struct RunOptions {
-  std::string input;        // a video file or a folder of images
+  std::string input;        // a video file or a folder of images; empty with live
   std::string camera;       // empty: camera.yaml beside the input
   std::string times;        // empty: times.txt beside the input if there is one, else the video's own times
   std::string out;          // empty: ./mapmend-<name of the input>
@@ -24,6 +24,10 @@ struct RunOptions {
   std::optional<int> seed, features, max_dimension;  // unset: the processes' own defaults
   std::optional<int> port;                           // of the live page; unset: a free one from 8080 on; 0: no page
   bool overwrite = false;                            // replace the results of an earlier run in out
+  bool realtime = false;                             // play the input at its own pace, drop what comes too fast
+  bool live = false;                                 // images come over the bus
+  std::optional<double> speed;                       // with realtime; unset: 1
+  std::optional<int> max_waiting;                    // with realtime or live: frames that may wait; unset: the frontend's
   bool profile = false;                              // time of each stage of the frontend, in the summary
   bool append = false;                               // map this flight into the map that is already in out
 };
@@ -38,11 +42,5 @@ struct RunInputs {
 // Checks everything that can be checked before a process is started. Changes nothing on disk.
 // Throws std::runtime_error with one line that names the file or option and says what to do.
 RunInputs CheckRunInputs(const RunOptions& options);
-
-// "80-120,200-240" to ranges of frames, ends included; a single number is a range of one. Throws std::runtime_error.
-struct FrameRange {
-  int first = 0, last = 0;
-};
-std::vector<FrameRange> ParseFrameRanges(const std::string& text);
 
 }  // namespace mapmend

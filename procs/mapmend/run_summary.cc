@@ -50,6 +50,11 @@ void CompleteSummary(const std::string& out, const LauncherFigures& figures) {
   Json summary = ReadSummary(path);
   summary["wall_s"] = figures.wall_s;
   Json frontend = Json::object();
+  if (!figures.mode.empty()) {
+    frontend["mode"] = figures.mode;
+    frontend["frames_dropped"] = figures.frames_dropped;
+    frontend["bad_messages"] = figures.bad_messages;
+  }
   if (figures.track_ms_median) frontend["track_ms_median"] = *figures.track_ms_median;
   if (figures.track_ms_p95) frontend["track_ms_p95"] = *figures.track_ms_p95;
   if (!figures.profile_json.empty()) {
@@ -74,6 +79,10 @@ std::string FormatSummaryTable(const std::string& out) {
   const auto row = [&](const char* name, const std::string& text) { table += Format("  %-13s", name) + text + "\n"; };
   row("frames", Format("%d read, %d tracked, %d in the main map (%.1f %%)", frames, tracked, in_main,
                        frames > 0 ? 100.0 * in_main / frames : 0.0));
+  const Json frontend = summary.value("frontend", Json::object());
+  const int dropped = Count(frontend, "frames_dropped"), bad = Count(frontend, "bad_messages");
+  if (dropped > 0) row("dropped", Format("%d frames that came while the frontend was busy", dropped));
+  if (bad > 0) row("refused", Format("%d images that were no good; see logs/frontend.log", bad));
   row("losses", std::to_string(Count(summary, "losses")));
   row("submaps", Format("%zu in %zu component%s", Size(summary, "submaps"), Size(summary, "components"),
                         Size(summary, "components") == 1 ? "" : "s"));
@@ -89,9 +98,11 @@ std::string FormatSummaryTable(const std::string& out) {
         Format("%.3f m ATE RMSE against the ground truth (median %.3f, max %.3f)", Number(summary, "ate_rmse_m"),
                Number(summary, "ate_median_m"), Number(summary, "ate_max_m")));
   }
+  if (summary.contains("max_error_of_depth")) {
+    row("", Format("largest error within a submap: %.2f %% of the distance to the scene", 100 * Number(summary, "max_error_of_depth")));
+  }
   const double wall = Number(summary, "wall_s");
   std::string time = FormatDuration(wall) + Format(" (%.1f frames/s)", wall > 0 ? frames / wall : 0.0);
-  const Json frontend = summary.value("frontend", Json::object());
   if (frontend.contains("track_ms_median")) {
     time += Format(", tracking %.1f ms a frame (p95 %.1f)", Number(frontend, "track_ms_median"),
                    Number(frontend, "track_ms_p95"));

@@ -104,19 +104,6 @@ TEST_F(RunInputsTest, NamesAVocabularyThatIsNone) {
   EXPECT_NE(Error().find(options_.vocabulary), std::string::npos) << Error();
 }
 
-TEST(ParseFrameRanges, ReadsRangesAndRefusesTheRest) {
-  const auto ranges = ParseFrameRanges("80-120,7,200-240");
-  ASSERT_EQ(ranges.size(), 3u);
-  EXPECT_EQ(ranges[0].first, 80);
-  EXPECT_EQ(ranges[0].last, 120);
-  EXPECT_EQ(ranges[1].first, 7);
-  EXPECT_EQ(ranges[1].last, 7);
-  EXPECT_TRUE(ParseFrameRanges("").empty());
-  for (const char* wrong : {"a", "5-", "-5", "9-3", "1,,2", "1,", "1-2-3", "1 2", "99999999999"}) {
-    EXPECT_NE(Message([&] { ParseFrameRanges(wrong); }), "(no error)") << wrong;
-  }
-}
-
 TEST(OutFolder, RefusesAnEarlierMapAndRemovesOnlyResults) {
   const fs::path folder = fs::path(testing::TempDir()) / ("out_folder_" + std::to_string(getpid()));
   fs::create_directories(folder / "submaps/0");

@@ -50,6 +50,20 @@ TEST_F(RunSummaryTest, PrintsATable) {
             "  hub              0.5 CPU s      70 MB\n");
 }
 
+TEST_F(RunSummaryTest, TellsWhatWasDroppedAndRefused) {
+  WriteFile(out_ + "/summary.json", R"({"frames_in": 3})");
+  LauncherFigures figures;
+  figures.mode = "live";
+  figures.frames_dropped = 12;
+  figures.bad_messages = 2;
+  CompleteSummary(out_, figures);
+  const auto summary = nlohmann::json::parse(ReadFile(out_ + "/summary.json"));
+  EXPECT_EQ(summary["frontend"], nlohmann::json::parse(R"({"mode": "live", "frames_dropped": 12, "bad_messages": 2})"));
+  const std::string table = FormatSummaryTable(out_);
+  EXPECT_NE(table.find("  dropped      12 frames that came while the frontend was busy\n"), std::string::npos) << table;
+  EXPECT_NE(table.find("  refused      2 images that were no good"), std::string::npos) << table;
+}
+
 TEST_F(RunSummaryTest, TellsTheTimeOfEachStage) {
   WriteFile(out_ + "/summary.json", R"({"frames_in": 3})");
   LauncherFigures figures;

@@ -7,10 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "libs/geometry/camera.h"
+#include "libs/capture/image_stream.h"
 
 namespace cv {
-class Mat;
 class VideoCapture;
 }  // namespace cv
 
@@ -22,22 +21,15 @@ std::set<int> ParseFrameRanges(const std::string& text);
 // Seconds, one per line (further columns ignored). Throws std::runtime_error naming file and line.
 std::vector<int64_t> ReadTimes(const std::string& path);
 
-struct SourceImage {
-  int index = -1;        // in the input, counting also frames left out
-  int64_t utime = 0;
-  std::shared_ptr<cv::Mat> pixels;  // 8-bit BGR or grey
-};
-
 // Frames of a video file or of a folder of images (in the order of their names).
-class ImageSource {
+class ImageSource : public ImageStream {
  public:
   // times_path may be empty: then times follow from the video's frame rate (or camera_fps for folders). Throws
   // std::runtime_error with one line if there is nothing to read, or times has fewer lines than there are frames.
   ImageSource(const std::string& input, const std::string& times_path, double camera_fps, const std::set<int>& skip);
-  ~ImageSource();
+  ~ImageSource() override;
 
-  // nullopt at the end.
-  std::optional<SourceImage> Next();
+  std::optional<SourceImage> Next() override;
   int NumFrames() const { return num_frames_; }     // that Next will give, as announced by the input
   const std::string& Truncated() const { return truncated_; }  // one line if the input ended before its announced end
 

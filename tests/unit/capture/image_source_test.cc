@@ -1,4 +1,4 @@
-#include "procs/frontend/image_source.h"
+#include "libs/capture/image_source.h"
 
 #include <gtest/gtest.h>
 
@@ -25,9 +25,11 @@ TEST(ParseFrameRanges, ReadsRangesAndSingleFrames) {
 }
 
 TEST(ParseFrameRanges, NamesWhatIsMalformed) {
-  EXPECT_NE(ErrorOf([] { ParseFrameRanges("2-x"); }).find("\"x\""), std::string::npos);
+  EXPECT_NE(ErrorOf([] { ParseFrameRanges("2-x"); }).find("--skip-frames 2-x: expected"), std::string::npos);
   EXPECT_NE(ErrorOf([] { ParseFrameRanges("9-2"); }).find("9-2"), std::string::npos);
-  EXPECT_NE(ErrorOf([] { ParseFrameRanges("-3"); }), "");
+  for (const char* wrong : {"-3", "a", "5-", "1,,2", "1,", "1-2-3", "1 2", "99999999999"}) {
+    EXPECT_NE(ErrorOf([&] { ParseFrameRanges(wrong); }), "") << wrong;
+  }
 }
 
 TEST(ImageSource, SkippedFramesKeepTheIndicesAndTimesOfTheOthers) {

@@ -1,4 +1,4 @@
-#include "procs/frontend/image_source.h"
+#include "libs/capture/image_source.h"
 
 #include <algorithm>
 #include <charconv>
@@ -21,12 +21,14 @@ bool IsImageName(const std::filesystem::path& path) {
   return kKnown.contains(extension);
 }
 
+[[noreturn]] void FailRanges(const std::string& text) {
+  throw std::runtime_error("--skip-frames " + text + ": expected ranges of frames, e.g. 80-120,200-240");
+}
+
 int ParseIndex(const std::string& text, const std::string& whole) {
   int value = -1;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || value < 0) {
-    throw std::runtime_error("--skip-frames " + whole + ": \"" + text + "\" is not a frame number; expected e.g. 80-120,200");
-  }
+  if (error != std::errc() || end != text.data() + text.size() || value < 0) FailRanges(whole);
   return value;
 }
 
@@ -44,15 +46,14 @@ cv::Mat To8Bit(const cv::Mat& image) {
 }  // namespace
 
 std::set<int> ParseFrameRanges(const std::string& text) {
+  if (text.ends_with(',')) FailRanges(text);
   std::set<int> frames;
   std::istringstream parts(text);
   for (std::string part; std::getline(parts, part, ',');) {
     const size_t dash = part.find('-');
     const int first = ParseIndex(part.substr(0, dash), text);
     const int last = dash == std::string::npos ? first : ParseIndex(part.substr(dash + 1), text);
-    if (last < first || last - first > 10000000) {
-      throw std::runtime_error("--skip-frames " + text + ": range " + part + " must run upwards");
-    }
+    if (last < first || last - first > 10000000) FailRanges(text);
     for (int i = first; i <= last; ++i) frames.insert(i);
   }
   return frames;
