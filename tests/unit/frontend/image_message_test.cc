@@ -78,7 +78,9 @@ TEST(ImageMessage, AJpegThatIsNoneOrOfAnotherSizeIsRefusedBeforeItIsDecoded) {
     cut.num_bytes = static_cast<int32_t>(size);
     if (!Problem(cut).empty()) continue;
     const auto image = DecodeImage(cut);
-    if (image) EXPECT_EQ(image->size(), cv::Size(kWidth, kHeight));
+    if (image) {
+      EXPECT_EQ(image->size(), cv::Size(kWidth, kHeight));
+    }
   }
 }
 

