@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "libs/features/features.h"
@@ -43,6 +45,9 @@ class FeatureGrid {
   // checks the exact distance.
   template <typename Visit>
   void VisitNear(const Eigen::Vector2f& pixel, float radius, Visit visit) const;
+  // The same for the cells within margin (pixels) of the segment from p0 to p1, and some beside them.
+  template <typename Visit>
+  void VisitAlong(const Eigen::Vector2f& p0, const Eigen::Vector2f& p1, float margin, Visit visit) const;
 
  private:
   int Cell(float v, int count) const;
@@ -68,6 +73,29 @@ void FeatureGrid::VisitNear(const Eigen::Vector2f& pixel, float radius, Visit vi
   const int x0 = Cell(pixel.x() - radius, columns_), x1 = Cell(pixel.x() + radius, columns_);
   const int y0 = Cell(pixel.y() - radius, rows_), y1 = Cell(pixel.y() + radius, rows_);
   for (int y = y0; y <= y1; ++y) {
+    for (int k = first_[y * columns_ + x0]; k < first_[y * columns_ + x1 + 1]; ++k) visit(indices_[k]);
+  }
+}
+
+template <typename Visit>
+void FeatureGrid::VisitAlong(const Eigen::Vector2f& p0, const Eigen::Vector2f& p1, float margin, Visit visit) const {
+  if (columns_ == 0) return;
+  const int y0 = Cell(std::min(p0.y(), p1.y()) - margin, rows_), y1 = Cell(std::max(p0.y(), p1.y()) + margin, rows_);
+  const Eigen::Vector2f d = p1 - p0;
+  for (int y = y0; y <= y1; ++y) {
+    // The part of the segment that passes this row of cells; the outermost rows reach to infinity.
+    float begin = 0, end = 1;
+    if (std::abs(d.y()) > 1e-3f) {
+      const float size = static_cast<float>(cell_size_);
+      const float top = y == 0 ? -1e9f : static_cast<float>(y) * size - margin;
+      const float bottom = y == rows_ - 1 ? 1e9f : static_cast<float>(y + 1) * size + margin;
+      const float at_top = (top - p0.y()) / d.y(), at_bottom = (bottom - p0.y()) / d.y();
+      begin = std::max(begin, std::min(at_top, at_bottom));
+      end = std::min(end, std::max(at_top, at_bottom));
+      if (begin > end) continue;
+    }
+    const float x_begin = p0.x() + begin * d.x(), x_end = p0.x() + end * d.x();
+    const int x0 = Cell(std::min(x_begin, x_end) - margin, columns_), x1 = Cell(std::max(x_begin, x_end) + margin, columns_);
     for (int k = first_[y * columns_ + x0]; k < first_[y * columns_ + x1 + 1]; ++k) visit(indices_[k]);
   }
 }

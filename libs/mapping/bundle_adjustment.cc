@@ -4,7 +4,6 @@
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
-#include <array>
 #include <deque>
 #include <limits>
 #include <memory>
@@ -19,21 +18,20 @@ BundleSummary AdjustBundle(const BundleOptions& options, BundleProblem* problem)
 
   ceres::Problem::Options problem_options;
   problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  problem_options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   problem_options.disable_all_safety_checks = true;
   ceres::HuberLoss loss(options.huber);
-  PoseManifold manifold;
+  std::vector<Rigid3> starts;
+  starts.reserve(problem->poses.size());
+  for (const BundlePose& pose : problem->poses) starts.push_back(pose.cam_from_world);
+  SteppedPoses poses(starts);
+  problem_options.evaluation_callback = &poses;
   ceres::Problem ceres_problem(problem_options);
-
-  std::vector<std::array<double, 7>> poses;
-  poses.reserve(problem->poses.size());
-  for (const BundlePose& pose : problem->poses) poses.push_back(ToArray(pose.cam_from_world));
   std::vector<Eigen::Vector3d> points = problem->points;
   std::deque<ReprojectionCost> costs;  // Ceres cost functions cannot be moved
 
   auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-  std::vector<uint8_t> pose_used(poses.size(), 0), point_used(points.size(), 0);
+  std::vector<uint8_t> pose_used(starts.size(), 0), point_used(points.size(), 0);
   for (const BundleObservation& o : problem->observations) pose_used[o.pose] = point_used[o.point] = 1;
   for (size_t i = 0; i < points.size(); ++i) {
     if (!point_used[i]) continue;
@@ -41,19 +39,19 @@ BundleSummary AdjustBundle(const BundleOptions& options, BundleProblem* problem)
     ordering->AddElementToGroup(points[i].data(), 0);
   }
   int num_free_poses = 0;
-  for (size_t i = 0; i < poses.size(); ++i) {
+  for (size_t i = 0; i < starts.size(); ++i) {
     if (!pose_used[i]) continue;
-    ceres_problem.AddParameterBlock(poses[i].data(), 7, &manifold);
-    ordering->AddElementToGroup(poses[i].data(), 1);
+    ceres_problem.AddParameterBlock(poses.Step(i), 6);
+    ordering->AddElementToGroup(poses.Step(i), 1);
     if (problem->poses[i].fixed) {
-      ceres_problem.SetParameterBlockConstant(poses[i].data());
+      ceres_problem.SetParameterBlockConstant(poses.Step(i));
     } else {
       ++num_free_poses;
     }
   }
   for (const BundleObservation& o : problem->observations) {
-    costs.emplace_back(problem->cameras[problem->poses[o.pose].camera], o.pixel, o.sigma);
-    ceres_problem.AddResidualBlock(&costs.back(), &loss, poses[o.pose].data(), points[o.point].data());
+    costs.emplace_back(problem->cameras[problem->poses[o.pose].camera], poses.At(o.pose), o.pixel, o.sigma);
+    ceres_problem.AddResidualBlock(&costs.back(), &loss, poses.Step(o.pose), points[o.point].data());
   }
 
   ceres::Solver::Options solver_options;
@@ -72,8 +70,8 @@ BundleSummary AdjustBundle(const BundleOptions& options, BundleProblem* problem)
   result.final_cost = summary.final_cost;
   result.success = summary.IsSolutionUsable();
   if (!result.success) return result;
-  for (size_t i = 0; i < poses.size(); ++i) {
-    if (!problem->poses[i].fixed) problem->poses[i].cam_from_world = RigidFromArray(poses[i].data());
+  for (size_t i = 0; i < starts.size(); ++i) {
+    if (!problem->poses[i].fixed) problem->poses[i].cam_from_world = poses.Result(i);
   }
   problem->points = std::move(points);
   return result;

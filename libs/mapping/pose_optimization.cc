@@ -10,7 +10,6 @@
 namespace mapmend {
 namespace {
 
-using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr int kMinInliers = 6;
@@ -22,11 +21,11 @@ double HuberCost(double chi2, double delta) {
 
 struct System {
   Matrix6 hessian = Matrix6::Zero();
-  Vector6 gradient = Vector6::Zero();
+  Vector6d gradient = Vector6d::Zero();
   double cost = 0;
 };
 
-// Normal equations in (dt, dw) of PoseManifold. delta <= 0: no robust loss.
+// Normal equations in the (dt, dw) of Moved. delta <= 0: no robust loss.
 System Linearize(const Pinhole& camera, const Rigid3& pose, const std::vector<PoseObservation>& observations,
                  const std::vector<uint8_t>& use, double delta) {
   System system;
@@ -77,7 +76,6 @@ PoseOptimizationResult OptimizePose(const Pinhole& camera, const Rigid3& initial
   result.cam_from_world = initial_cam_from_world;
   result.inlier.assign(observations.size(), 1);
   if (observations.size() < kMinInliers) return result;
-  const PoseManifold manifold;
   Rigid3 pose = initial_cam_from_world;
   std::vector<double> chi2(observations.size());
   for (int round = 0; round < options.rounds; ++round) {
@@ -97,12 +95,9 @@ PoseOptimizationResult OptimizePose(const Pinhole& camera, const Rigid3& initial
         damped.diagonal() *= 1 + lambda;
         const Eigen::LDLT<Matrix6> ldlt(damped);
         if (ldlt.info() != Eigen::Success) break;
-        const Vector6 step = ldlt.solve(-system.gradient);
+        const Vector6d step = ldlt.solve(-system.gradient);
         if (!step.allFinite()) break;
-        const auto values = ToArray(pose);
-        std::array<double, 7> moved;
-        manifold.Plus(values.data(), step.data(), moved.data());
-        const Rigid3 candidate = RigidFromArray(moved.data());
+        const Rigid3 candidate = Moved(pose, step);
         if (Cost(camera, candidate, observations, use, delta) < system.cost) {
           pose = candidate;
           lambda = std::max(1e-9, lambda / 10);

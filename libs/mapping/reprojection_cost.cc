@@ -1,15 +1,27 @@
 #include "libs/mapping/reprojection_cost.h"
 
+#include <cmath>
+
 namespace mapmend {
 namespace {
 
 constexpr double kMinDepth = 1e-6;
 constexpr double kResidualBehindCamera = 1e3;
+constexpr double kSmallAngle = 1e-5;  // below, the series' next term is lost in rounding
 
 Eigen::Quaterniond ExpRotation(const Eigen::Vector3d& w) {
   const double angle = w.norm();
   if (angle < 1e-12) return Eigen::Quaterniond(1, w.x() / 2, w.y() / 2, w.z() / 2).normalized();
   return Eigen::Quaterniond(Eigen::AngleAxisd(angle, w / angle));
+}
+
+Eigen::Matrix3d LeftJacobian(const Eigen::Vector3d& w) {
+  const double angle = w.norm();
+  const Eigen::Matrix3d W = Skew(w);
+  if (angle < kSmallAngle) return Eigen::Matrix3d::Identity() + 0.5 * W;
+  const double squared = angle * angle;
+  return Eigen::Matrix3d::Identity() + (1 - std::cos(angle)) / squared * W +
+         (angle - std::sin(angle)) / (squared * angle) * W * W;
 }
 
 }  // namespace
@@ -27,42 +39,29 @@ Eigen::Matrix<double, 2, 3> ProjectionJacobian(const Pinhole& camera, const Eige
   return j;
 }
 
-bool PoseManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
-  const Eigen::Map<const Eigen::Quaterniond> q(x + 3);
-  const Eigen::Quaterniond turned = (ExpRotation({delta[3], delta[4], delta[5]}) * q).normalized();
-  for (int i = 0; i < 3; ++i) x_plus_delta[i] = x[i] + delta[i];
-  Eigen::Map<Eigen::Quaterniond>(x_plus_delta + 3) = turned;
-  return true;
+Rigid3 Moved(const Rigid3& pose, const Vector6d& step) {
+  return {ExpRotation(step.tail<3>()) * pose.rotation, pose.translation + step.head<3>()};
 }
 
-bool PoseManifold::PlusJacobian(const double*, double* jacobian) const {
-  Eigen::Map<Eigen::Matrix<double, 7, 6, Eigen::RowMajor>>(jacobian).setIdentity();
-  return true;
+SteppedPoses::SteppedPoses(const std::vector<Rigid3>& starts) : poses_(starts.size()) {
+  for (size_t i = 0; i < starts.size(); ++i) poses_[i].start = starts[i];
+  PrepareForEvaluation(true, true);
 }
 
-bool PoseManifold::Minus(const double* y, const double* x, double* y_minus_x) const {
-  const Eigen::Map<const Eigen::Quaterniond> qy(y + 3), qx(x + 3);
-  const Eigen::AngleAxisd turn(qy * qx.conjugate());
-  const Eigen::Vector3d w = turn.angle() * turn.axis();
-  for (int i = 0; i < 3; ++i) {
-    y_minus_x[i] = y[i] - x[i];
-    y_minus_x[3 + i] = w[i];
+void SteppedPoses::PrepareForEvaluation(bool, bool new_evaluation_point) {
+  if (!new_evaluation_point) return;
+  for (Pose& pose : poses_) {
+    const Rigid3 moved = Moved(pose.start, pose.step);
+    pose.translation = moved.translation;
+    pose.rotation = moved.rotation.toRotationMatrix();
+    pose.left_jacobian = LeftJacobian(pose.step.tail<3>());
   }
-  return true;
-}
-
-bool PoseManifold::MinusJacobian(const double*, double* jacobian) const {
-  Eigen::Map<Eigen::Matrix<double, 6, 7, Eigen::RowMajor>>(jacobian).setIdentity();
-  return true;
 }
 
 bool ReprojectionCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
-  const Eigen::Map<const Eigen::Vector3d> t(parameters[0]);
-  const Eigen::Map<const Eigen::Quaterniond> q(parameters[0] + 3);
   const Eigen::Map<const Eigen::Vector3d> point(parameters[1]);
-  const Eigen::Matrix3d R = q.toRotationMatrix();
-  const Eigen::Vector3d rotated = R * point;
-  const Eigen::Vector3d x = rotated + t;
+  const Eigen::Vector3d rotated = pose_.rotation * point;
+  const Eigen::Vector3d x = rotated + pose_.translation;
   Eigen::Map<Eigen::Vector2d> r(residuals);
   const bool behind = x.z() < kMinDepth;
   if (behind) {
@@ -71,17 +70,20 @@ bool ReprojectionCost::Evaluate(double const* const* parameters, double* residua
     r = (camera_.Project(x) - pixel_) * inverse_sigma_;
   }
   if (jacobians == nullptr) return true;
-  using PoseJacobian = Eigen::Matrix<double, 2, 7, Eigen::RowMajor>;
+  using PoseJacobian = Eigen::Matrix<double, 2, 6, Eigen::RowMajor>;
   using PointJacobian = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
   Eigen::Matrix<double, 2, 3> projection = Eigen::Matrix<double, 2, 3>::Zero();
   if (!behind) projection = ProjectionJacobian(camera_, x) * inverse_sigma_;
   if (jacobians[0] != nullptr) {
     Eigen::Map<PoseJacobian> j(jacobians[0]);
     j.leftCols<3>() = projection;
-    j.middleCols<3>(3) = -projection * Skew(rotated);
-    j.col(6).setZero();
+    // -projection [rotated]x, row by row a cross product.
+    Eigen::Matrix<double, 2, 3> turned;
+    turned.row(0) = rotated.cross(projection.row(0).transpose()).transpose();
+    turned.row(1) = rotated.cross(projection.row(1).transpose()).transpose();
+    j.rightCols<3>().noalias() = turned.lazyProduct(pose_.left_jacobian);
   }
-  if (jacobians[1] != nullptr) Eigen::Map<PointJacobian>{jacobians[1]} = projection * R;
+  if (jacobians[1] != nullptr) Eigen::Map<PointJacobian>{jacobians[1]}.noalias() = projection.lazyProduct(pose_.rotation);
   return true;
 }
 

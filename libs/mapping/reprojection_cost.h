@@ -1,42 +1,60 @@
 #pragma once
 
-#include <ceres/manifold.h>
+#include <ceres/evaluation_callback.h>
 #include <ceres/sized_cost_function.h>
+
+#include <vector>
 
 #include "libs/geometry/camera.h"
 #include "libs/geometry/rigid3.h"
 
-// The one residual of bundle adjustment, and the manifold of its poses.
+// The one residual of bundle adjustment, and the poses that it is a function of.
 namespace mapmend {
+
+using Vector6d = Eigen::Matrix<double, 6, 1>;
 
 Eigen::Matrix3d Skew(const Eigen::Vector3d& v);
 
 // d pixel / d x_cam of a pinhole camera, 2x3.
 Eigen::Matrix<double, 2, 3> ProjectionJacobian(const Pinhole& camera, const Eigen::Vector3d& x_cam);
 
-// A rigid pose as 7 numbers (tx ty tz qx qy qz qw) with 6 degrees of freedom (dt, dw): t' = t + dt, R' = exp(dw) R.
-// Cost functions on it give their Jacobian with respect to (dt, dw) in the first six columns and zero in the seventh, so
-// that PlusJacobian is constant.
-class PoseManifold : public ceres::Manifold {
+// The pose moved by (dt, dw): t' = t + dt, R' = exp(dw) R.
+Rigid3 Moved(const Rigid3& pose, const Vector6d& step);
+
+// Poses cam_from_world as Ceres moves them: pose i is its start, moved by the parameter block step(i). What all residuals
+// of a pose share, its rotation matrix and derivative, is computed once per evaluation.
+class SteppedPoses : public ceres::EvaluationCallback {
  public:
-  int AmbientSize() const override { return 7; }
-  int TangentSize() const override { return 6; }
-  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
-  bool PlusJacobian(const double* x, double* jacobian) const override;
-  bool Minus(const double* y, const double* x, double* y_minus_x) const override;
-  bool MinusJacobian(const double* x, double* jacobian) const override;
+  struct Pose {
+    Rigid3 start;
+    Vector6d step = Vector6d::Zero();
+    Eigen::Vector3d translation;
+    Eigen::Matrix3d rotation;
+    Eigen::Matrix3d left_jacobian;  // d exp(dw + e) = exp(left_jacobian e) exp(dw)
+  };
+
+  explicit SteppedPoses(const std::vector<Rigid3>& starts);
+  double* Step(size_t i) { return poses_[i].step.data(); }
+  const Pose& At(size_t i) const { return poses_[i]; }
+  Rigid3 Result(size_t i) const { return Moved(poses_[i].start, poses_[i].step); }
+
+  void PrepareForEvaluation(bool evaluate_jacobians, bool new_evaluation_point) override;
+
+ private:
+  std::vector<Pose> poses_;
 };
 
-// Residual (project(cam_from_world * point) - pixel) / sigma; parameters: pose (7), point (3).
+// Residual (project(cam_from_world * point) - pixel) / sigma; parameters: step of the pose (6), point (3).
 // Behind the camera (z < 1e-6 of a unit) the residual is constant and has no gradient.
-class ReprojectionCost : public ceres::SizedCostFunction<2, 7, 3> {
+class ReprojectionCost : public ceres::SizedCostFunction<2, 6, 3> {
  public:
-  ReprojectionCost(const Pinhole& camera, const Eigen::Vector2d& pixel, double sigma)
-      : camera_(camera), pixel_(pixel), inverse_sigma_(1.0 / sigma) {}
+  ReprojectionCost(const Pinhole& camera, const SteppedPoses::Pose& pose, const Eigen::Vector2d& pixel, double sigma)
+      : camera_(camera), pose_(pose), pixel_(pixel), inverse_sigma_(1.0 / sigma) {}
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
 
  private:
   const Pinhole& camera_;
+  const SteppedPoses::Pose& pose_;
   Eigen::Vector2d pixel_;
   double inverse_sigma_;
 };

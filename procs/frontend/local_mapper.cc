@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
+#include <iterator>
 #include <set>
 
 #include "libs/geometry/triangulation.h"
@@ -13,34 +13,33 @@
 namespace mapmend {
 namespace {
 
-std::vector<int> PointsOfKeyframe(const WorkingMap& map, int keyframe) {
-  std::set<int> points;
-  for (const int p : map.Keyframe(keyframe).frame->points) {
-    if (p >= 0) points.insert(p);
-  }
-  return {points.begin(), points.end()};
-}
-
 bool InImage(const Pinhole& camera, const Eigen::Vector2d& pixel) {
   return pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < camera.width && pixel.y() < camera.height;
 }
 
-// Distance of a pixel from the line through p0 and p1, and whether it lies beside the segment (with some slack at the ends).
-bool NearSegment(const Eigen::Vector2d& pixel, const Eigen::Vector2d& p0, const Eigen::Vector2d& p1, double limit) {
-  const Eigen::Vector2d direction = p1 - p0;
-  const double length = direction.norm();
-  if (length < 1e-6) return (pixel - p0).norm() < limit;
-  const Eigen::Vector2d d = (pixel - p0);
-  const double along = d.dot(direction) / length;
-  const double across = std::abs(d.x() * direction.y() - d.y() * direction.x()) / length;
-  return across < limit && along > -limit && along < length + limit;
-}
+// Whether pixels lie near the segment from p0 to p1, with as much slack at its ends.
+class SegmentTest {
+ public:
+  SegmentTest(const Eigen::Vector2d& p0, const Eigen::Vector2d& p1) : p0_(p0), length_((p1 - p0).norm()) {
+    if (length_ >= 1e-6) direction_ = (p1 - p0) / length_;
+  }
+  bool IsNear(const Eigen::Vector2d& pixel, double limit) const {
+    const Eigen::Vector2d d = pixel - p0_;
+    if (length_ < 1e-6) return d.norm() < limit;
+    const double along = d.dot(direction_), across = std::abs(d.x() * direction_.y() - d.y() * direction_.x());
+    return across < limit && along > -limit && along < length_ + limit;
+  }
+
+ private:
+  Eigen::Vector2d p0_, direction_ = Eigen::Vector2d::Zero();
+  double length_;
+};
 
 }  // namespace
 
 void LocalMapper::Process(int keyframe, WorkingMap* map) const {
   CullRecentPoints(keyframe, map);
-  for (const int p : PointsOfKeyframe(*map, keyframe)) map->RefreshPoint(p);
+  for (const int p : map->PointsOf(keyframe)) map->RefreshPoint(p);
   std::vector<int> neighbours;
   for (const Covisible& c : map->CovisibleKeyframes(keyframe, options_.min_covisible)) {
     if (static_cast<int>(neighbours.size()) >= options_.num_neighbours) break;
@@ -65,14 +64,10 @@ void LocalMapper::FuseNeighbourhood(int keyframe, const std::vector<int>& neighb
       if (seen.insert(c.keyframe).second) targets.push_back(c.keyframe), ++added;
     }
   }
-  const std::vector<int> own = PointsOfKeyframe(*map, keyframe);
+  const std::vector<int> own = map->PointsOf(keyframe);
   for (const int k : targets) FuseInto(k, own, options_.fuse_radius_px, map);
-  std::set<int> theirs;
-  for (const int k : targets) {
-    for (const int p : PointsOfKeyframe(*map, k)) theirs.insert(p);
-  }
-  FuseInto(keyframe, {theirs.begin(), theirs.end()}, options_.fuse_radius_px, map);
-  for (const int p : PointsOfKeyframe(*map, keyframe)) map->RefreshPoint(p);
+  FuseInto(keyframe, map->PointsOf(targets), options_.fuse_radius_px, map);
+  for (const int p : map->PointsOf(keyframe)) map->RefreshPoint(p);
 }
 
 void LocalMapper::CullRecentPoints(int keyframe, WorkingMap* map) const {
@@ -112,11 +107,13 @@ int LocalMapper::TriangulateWith(int keyframe, int neighbour, double near, doubl
   const Rigid3 b_from_a = b.cam_from_submap * a.cam_from_submap.Inverse();
   const Eigen::Matrix3d R = b_from_a.rotation.toRotationMatrix();
   const double max_cosine = std::cos(options_.min_angle_deg * M_PI / 180);
+  std::vector<double> limits;  // from the epipolar line, pixels, per octave: 95 %
+  for (int octave = 0; octave < pyramid_.num_levels; ++octave) limits.push_back(1.96 * pyramid_.Sigma(octave));
   struct Candidate {
-    int distance, feature;
+    int distance = -1, feature = -1;
     Eigen::Vector3d position;
   };
-  std::map<int, Candidate> claimed;  // by feature of b
+  std::vector<Candidate> claimed(b.features.Size());  // by feature of b
   for (int i = 0; i < a.features.Size(); ++i) {
     if (a.points[i] >= 0) continue;
     const Keypoint& keypoint = a.features.keypoints[i];
@@ -125,21 +122,20 @@ int LocalMapper::TriangulateWith(int keyframe, int neighbour, double near, doubl
     const Eigen::Vector3d x0 = near * rotated + b_from_a.translation, x1 = far * rotated + b_from_a.translation;
     if (x0.z() <= 1e-3 || x1.z() <= 1e-3) continue;
     const Eigen::Vector2d p0 = camera_.Project(x0), p1 = camera_.Project(x1);
-    const Eigen::Vector2d middle = 0.5 * (p0 + p1);
-    const double reach = std::max(std::abs(p0.x() - p1.x()), std::abs(p0.y() - p1.y())) / 2 + 4;
-    if (reach > camera_.width || !middle.allFinite()) continue;
+    if (!p0.allFinite() || !p1.allFinite() || (p1 - p0).cwiseAbs().maxCoeff() > 2 * camera_.width) continue;
     int best = -1, best_distance = options_.max_distance + 1, second = 257;
-    b.grid.VisitNear(middle.cast<float>(), static_cast<float>(reach), [&](int j) {
+    const SegmentTest epipolar(p0, p1);
+    b.grid.VisitAlong(p0.cast<float>(), p1.cast<float>(), static_cast<float>(limits.back()), [&](int j) {
       if (b.points[j] >= 0) return;
-      const Keypoint& other = b.features.keypoints[j];
-      const double limit = 1.96 * pyramid_.Sigma(other.octave);
-      if (!NearSegment(other.pixel.cast<double>(), p0, p1, limit)) return;
       const int distance = HammingDistance(a.features.descriptors[i], b.features.descriptors[j]);
+      if (distance >= second) return;  // the cheaper test first
+      const Keypoint& other = b.features.keypoints[j];
+      if (!epipolar.IsNear(other.pixel.cast<double>(), limits[other.octave])) return;
       if (distance < best_distance) {
         second = best_distance;
         best_distance = distance;
         best = j;
-      } else if (distance < second) {
+      } else {
         second = distance;
       }
     });
@@ -156,28 +152,35 @@ int LocalMapper::TriangulateWith(int keyframe, int neighbour, double near, doubl
     const double by_octave = pyramid_.Scale(keypoint.octave) / pyramid_.Scale(other.octave);
     constexpr double kScaleSlack = 1.8;
     if (by_distance > by_octave * kScaleSlack || by_distance * kScaleSlack < by_octave) continue;
-    const auto it = claimed.find(best);
-    if (it == claimed.end() || best_distance < it->second.distance) claimed[best] = {best_distance, i, *x};
+    Candidate& claim = claimed[best];
+    if (claim.feature < 0 || best_distance < claim.distance) claim = {best_distance, i, *x};
   }
   const Rigid3 submap_from_a = a.cam_from_submap.Inverse();
-  for (const auto& [feature_b, candidate] : claimed) {
+  int count = 0;
+  for (int j = 0; j < b.features.Size(); ++j) {
+    const Candidate& candidate = claimed[j];
+    if (candidate.feature < 0) continue;
     const int point = map->AddPoint(submap_from_a * candidate.position, keyframe);
-    map->AddObservation(point, neighbour, feature_b);
+    map->AddObservation(point, neighbour, j);
     map->AddObservation(point, keyframe, candidate.feature);
     map->RefreshPoint(point);
+    ++count;
   }
-  return static_cast<int>(claimed.size());
+  return count;
 }
 
 int LocalMapper::FuseInto(int keyframe, const std::vector<int>& points, double radius_px, WorkingMap* map) const {
   const Frame& frame = *map->Keyframe(keyframe).frame;
   const Eigen::Vector3d center = frame.cam_from_submap.Center();
-  const std::set<int> own(frame.points.begin(), frame.points.end());
+  std::vector<uint8_t> is_own(map->Points().size(), 0);
+  for (const int p : frame.points) {
+    if (p >= 0) is_own[p] = 1;
+  }
   static const std::vector<uint8_t> kNoneUsed;
   int count = 0;
   for (const int index : points) {
     const WorkingPoint& point = map->Point(index);
-    if (point.removed || own.contains(index)) continue;
+    if (point.removed || is_own[index]) continue;
     const Eigen::Vector3d x = frame.cam_from_submap * point.position;
     if (x.z() <= 0) continue;
     const Eigen::Vector2d pixel = camera_.Project(x);
@@ -247,13 +250,11 @@ void LocalMapper::FuseWithOverlapping(int keyframe, const std::vector<int>& neig
   if (static_cast<int>(candidates.size()) > options_.max_overlapping_keyframes) {
     candidates.resize(options_.max_overlapping_keyframes);
   }
-  std::set<int> own(frame.points.begin(), frame.points.end());
-  std::set<int> points;
-  for (const Overlapping& c : candidates) {
-    for (const int p : PointsOfKeyframe(*map, c.keyframe)) {
-      if (!own.contains(p)) points.insert(p);
-    }
-  }
+  std::vector<int> overlapping;
+  for (const Overlapping& c : candidates) overlapping.push_back(c.keyframe);
+  const std::vector<int> theirs = map->PointsOf(overlapping), own = map->PointsOf(keyframe);
+  std::vector<int> points;
+  std::set_difference(theirs.begin(), theirs.end(), own.begin(), own.end(), std::back_inserter(points));
   if (points.size() < 30) return;
   struct Pair {
     int point, feature;
@@ -305,19 +306,15 @@ void LocalMapper::AdjustLocal(int keyframe, WorkingMap* map) const {
     if (static_cast<int>(free.size()) >= options_.bundle_keyframes) break;
     free.push_back(c.keyframe);
   }
-  std::set<int> inside(free.begin(), free.end());
-  std::map<int, int> outside;  // keyframe -> shared points
-  std::set<int> points;
-  for (const int k : free) {
-    for (const int p : PointsOfKeyframe(*map, k)) points.insert(p);
+  std::vector<int> shared(map->Keyframes().size(), 0);  // points with the free keyframes
+  for (const int p : map->PointsOf(free)) {
+    for (const WorkingObservation& o : map->Point(p).observations) ++shared[o.keyframe];
   }
-  for (const int p : points) {
-    for (const WorkingObservation& o : map->Point(p).observations) {
-      if (!inside.contains(o.keyframe)) ++outside[o.keyframe];
-    }
-  }
+  for (const int k : free) shared[k] = 0;
   std::vector<std::pair<int, int>> by_weight;  // (-shared, keyframe)
-  for (const auto& [k, shared] : outside) by_weight.emplace_back(-shared, k);
+  for (size_t k = 0; k < shared.size(); ++k) {
+    if (shared[k] > 0) by_weight.emplace_back(-shared[k], static_cast<int>(k));
+  }
   std::sort(by_weight.begin(), by_weight.end());
   std::vector<int> fixed;
   for (size_t i = 0; i < by_weight.size() && i < static_cast<size_t>(options_.bundle_fixed_keyframes); ++i) {
@@ -345,33 +342,28 @@ void LocalMapper::Adjust(const std::vector<int>& free_keyframes, const std::vect
                          WorkingMap* map) const {
   BundleProblem problem;
   problem.cameras = {camera_};
-  std::map<int, int> pose_of;
-  std::vector<int> keyframe_of;
+  std::vector<int> pose_of(map->Keyframes().size(), -1), keyframe_of;
   const auto add_pose = [&](int k, bool fixed) {
     pose_of[k] = static_cast<int>(problem.poses.size());
     keyframe_of.push_back(k);
     problem.poses.push_back({map->Keyframe(k).frame->cam_from_submap, fixed, 0});
   };
-  std::set<int> points;
-  for (const int k : free_keyframes) {
-    add_pose(k, false);
-    for (const int p : PointsOfKeyframe(*map, k)) points.insert(p);
-  }
+  for (const int k : free_keyframes) add_pose(k, false);
   for (const int k : fixed_keyframes) add_pose(k, true);
   struct Source {
     int point, keyframe;
   };
   std::vector<Source> sources;
   std::vector<int> point_of;
-  for (const int p : points) {
+  for (const int p : map->PointsOf(free_keyframes)) {
     const WorkingPoint& point = map->Point(p);
     const int slot = static_cast<int>(problem.points.size());
     const size_t begin = problem.observations.size();
     for (const WorkingObservation& o : point.observations) {
-      const auto pose = pose_of.find(o.keyframe);
-      if (pose == pose_of.end()) continue;
+      const int pose = pose_of[o.keyframe];
+      if (pose < 0) continue;
       const Keypoint& keypoint = map->Keyframe(o.keyframe).frame->features.keypoints[o.feature];
-      problem.observations.push_back({pose->second, slot, keypoint.pixel.cast<double>(), pyramid_.Sigma(keypoint.octave)});
+      problem.observations.push_back({pose, slot, keypoint.pixel.cast<double>(), pyramid_.Sigma(keypoint.octave)});
       sources.push_back({p, o.keyframe});
     }
     if (problem.observations.size() - begin < 2) {  // says nothing about the poses

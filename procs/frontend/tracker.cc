@@ -13,19 +13,6 @@ namespace {
 constexpr double kMaxViewAngleCos = 0.5;  // a point seen from more than 60 degrees off its usual direction looks different
 constexpr int kSpreadColumns = 8, kSpreadRows = 6;
 
-std::vector<int> PointsOf(const WorkingMap& map, const std::vector<int>& keyframes) {
-  std::vector<uint8_t> seen(map.Points().size(), 0);
-  std::vector<int> points;
-  for (const int k : keyframes) {
-    for (const int p : map.Keyframe(k).frame->points) {
-      if (p < 0 || seen[p]) continue;
-      seen[p] = 1;
-      points.push_back(p);
-    }
-  }
-  return points;
-}
-
 double Spread(const Frame& frame, const Pinhole& camera) {
   std::set<int> cells;
   for (size_t i = 0; i < frame.points.size(); ++i) {
@@ -166,7 +153,7 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
   bool found = false;
   if (prediction) {
     const StageTimer timer("track/motion");
-    const std::vector<int> points = PointsOf(*map, LocalKeyframes(*map, hints, *frame));
+    const std::vector<int> points = map->PointsOf(LocalKeyframes(*map, hints, *frame));
     for (const double factor : {1.0, 3.0}) {
       std::fill(frame->points.begin(), frame->points.end(), -1);
       const int count = SearchPoints(*map, points, *prediction, factor * options_.motion_radius * camera_.width, false, 64, frame);
@@ -196,7 +183,7 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
   // The local map: everything that should be in view now. Twice, because the second time the pose is better.
   std::vector<int> points;
   for (int round = 0; round < 2; ++round) {
-    points = PointsOf(*map, LocalKeyframes(*map, hints, *frame));
+    points = map->PointsOf(LocalKeyframes(*map, hints, *frame));
     SearchPoints(*map, points, frame->cam_from_submap, options_.local_radius_px, true, 80, frame);
     if (!Optimize(*map, frame->cam_from_submap, frame, &result.num_inliers)) break;
   }

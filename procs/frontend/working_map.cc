@@ -11,7 +11,9 @@ int WorkingMap::NumPoints() const {
 
 int WorkingMap::AddKeyframe(const FramePtr& frame) {
   const int index = static_cast<int>(keyframes_.size());
-  keyframes_.push_back({KeyframeId(ids_->next_keyframe++), frame, false});
+  keyframes_.push_back({});
+  keyframes_.back().id = KeyframeId(ids_->next_keyframe++);
+  keyframes_.back().frame = frame;
   const std::vector<int> observed = frame->points;
   frame->points.assign(observed.size(), -1);
   for (size_t i = 0; i < observed.size(); ++i) {
@@ -27,7 +29,7 @@ int WorkingMap::AddPoint(const Eigen::Vector3d& position, int first_keyframe) {
   point.position = position;
   point.first_keyframe = first_keyframe;
   points_.push_back(std::move(point));
-  dirty_points_.insert(index);
+  MarkDirty(index);
   return index;
 }
 
@@ -39,7 +41,8 @@ void WorkingMap::AddObservation(int point, int keyframe, int feature) {
   if ((at != observations.end() && at->keyframe == keyframe) || slot >= 0) return;
   observations.insert(at, {keyframe, feature});
   slot = point;
-  dirty_observations_.insert({keyframe, feature});
+  points_[point].descriptor_current = false;
+  keyframes_[keyframe].dirty_features.push_back(feature);
 }
 
 void WorkingMap::RemoveObservation(int point, int keyframe) {
@@ -48,8 +51,9 @@ void WorkingMap::RemoveObservation(int point, int keyframe) {
                                [&](const WorkingObservation& o) { return o.keyframe == keyframe; });
   if (at == observations.end()) return;
   keyframes_[keyframe].frame->points[at->feature] = -1;
-  dirty_observations_.insert({keyframe, at->feature});
+  keyframes_[keyframe].dirty_features.push_back(at->feature);
   observations.erase(at);
+  points_[point].descriptor_current = false;
   if (observations.size() < 2) RemovePoint(point);
 }
 
@@ -58,12 +62,12 @@ void WorkingMap::RemovePoint(int point) {
   if (p.removed) return;
   for (const WorkingObservation& o : p.observations) {
     keyframes_[o.keyframe].frame->points[o.feature] = -1;
-    dirty_observations_.insert({o.keyframe, o.feature});
+    keyframes_[o.keyframe].dirty_features.push_back(o.feature);
   }
   p.observations.clear();
   p.removed = true;
-  dirty_points_.erase(point);
-  if (published_points_.erase(point) > 0) removed_points_.push_back(p.id);
+  if (p.published) removed_points_.push_back(p.id);
+  p.published = false;
 }
 
 void WorkingMap::RemoveKeyframe(int keyframe) {
@@ -73,7 +77,8 @@ void WorkingMap::RemoveKeyframe(int keyframe) {
     if (k.frame->points[i] >= 0) RemoveObservation(k.frame->points[i], keyframe);
   }
   k.removed = true;
-  if (published_keyframes_.erase(keyframe) > 0) removed_keyframes_.push_back(k.id);
+  if (k.published) removed_keyframes_.push_back(k.id);
+  k.published = false;
 }
 
 void WorkingMap::FusePoints(int from, int into) {
@@ -93,34 +98,45 @@ void WorkingMap::SetPose(int keyframe, const Rigid3& cam_from_submap) {
 
 void WorkingMap::SetPosition(int point, const Eigen::Vector3d& position) {
   points_[point].position = position;
-  dirty_points_.insert(point);
+  MarkDirty(point);
+}
+
+void WorkingMap::MarkDirty(int point) {
+  if (!points_[point].dirty) dirty_points_.push_back(point);
+  points_[point].dirty = true;
+}
+
+// The descriptor with the least median distance to the others; the latest few observations suffice.
+void WorkingMap::ChooseDescriptor(WorkingPoint* point) const {
+  constexpr int kMaxCompared = 12;
+  const int count = std::min(kMaxCompared, static_cast<int>(point->observations.size()));
+  const WorkingObservation* observations = point->observations.data() + (point->observations.size() - count);
+  const auto descriptor = [&](int i) -> const Descriptor& {
+    return keyframes_[observations[i].keyframe].frame->features.descriptors[observations[i].feature];
+  };
+  int distances[kMaxCompared][kMaxCompared];  // of i to the others; the place of i itself is left out
+  for (int i = 0; i < count; ++i) {
+    for (int j = i + 1; j < count; ++j) {
+      distances[i][j - 1] = distances[j][i] = HammingDistance(descriptor(i), descriptor(j));
+    }
+  }
+  int best_median = 257;
+  for (int i = 0; i < count; ++i) {
+    const int others = count - 1;
+    std::nth_element(distances[i], distances[i] + others / 2, distances[i] + others);
+    const int median = others > 0 ? distances[i][others / 2] : 0;
+    if (median < best_median) {
+      best_median = median;
+      point->descriptor = descriptor(i);
+    }
+  }
+  point->descriptor_current = true;
 }
 
 void WorkingMap::RefreshPoint(int point) {
   WorkingPoint& p = points_[point];
   if (p.removed || p.observations.empty()) return;
-  const auto descriptor = [&](const WorkingObservation& o) -> const Descriptor& {
-    return keyframes_[o.keyframe].frame->features.descriptors[o.feature];
-  };
-  // The descriptor with the least median distance to the others; the latest few observations suffice.
-  constexpr size_t kMaxCompared = 12;
-  const size_t begin = p.observations.size() > kMaxCompared ? p.observations.size() - kMaxCompared : 0;
-  int best_median = 257;
-  for (size_t i = begin; i < p.observations.size(); ++i) {
-    std::vector<int> distances;
-    for (size_t j = begin; j < p.observations.size(); ++j) {
-      if (i != j) distances.push_back(HammingDistance(descriptor(p.observations[i]), descriptor(p.observations[j])));
-    }
-    int median = 0;
-    if (!distances.empty()) {
-      std::nth_element(distances.begin(), distances.begin() + distances.size() / 2, distances.end());
-      median = distances[distances.size() / 2];
-    }
-    if (median < best_median) {
-      best_median = median;
-      p.descriptor = descriptor(p.observations[i]);
-    }
-  }
+  if (!p.descriptor_current) ChooseDescriptor(&p);
   p.normal.setZero();
   for (const WorkingObservation& o : p.observations) {
     p.normal += (keyframes_[o.keyframe].frame->cam_from_submap.Center() - p.position).normalized();
@@ -130,6 +146,33 @@ void WorkingMap::RefreshPoint(int point) {
   const Frame& frame = *keyframes_[reference.keyframe].frame;
   p.max_distance = (frame.cam_from_submap * p.position).norm() *
                    pyramid_.Scale(frame.features.keypoints[reference.feature].octave);
+}
+
+std::vector<int> WorkingMap::PointsOf(int keyframe) const {
+  std::vector<int> points;
+  for (const int p : keyframes_[keyframe].frame->points) {
+    if (p >= 0) points.push_back(p);
+  }
+  std::sort(points.begin(), points.end());
+  return points;
+}
+
+std::vector<int> WorkingMap::PointsOf(const std::vector<int>& keyframes) const {
+  std::vector<uint8_t> seen(points_.size(), 0);
+  size_t count = 0;
+  for (const int k : keyframes) {
+    for (const int p : keyframes_[k].frame->points) {
+      if (p < 0 || seen[p]) continue;
+      seen[p] = 1;
+      ++count;
+    }
+  }
+  std::vector<int> points;
+  points.reserve(count);
+  for (size_t p = 0; p < seen.size(); ++p) {
+    if (seen[p]) points.push_back(static_cast<int>(p));
+  }
+  return points;
 }
 
 std::vector<Covisible> WorkingMap::CovisibleKeyframes(int keyframe, int min_shared) const {
@@ -156,39 +199,45 @@ std::vector<MapPointId> WorkingMap::PublishedPoints(int keyframe) const {
   const Frame& frame = *keyframes_[keyframe].frame;
   std::vector<MapPointId> ids(frame.points.size());
   for (size_t i = 0; i < ids.size(); ++i) {
-    if (frame.points[i] >= 0 && published_points_.contains(frame.points[i])) ids[i] = points_[frame.points[i]].id;
+    if (frame.points[i] >= 0 && points_[frame.points[i]].published) ids[i] = points_[frame.points[i]].id;
   }
   return ids;
 }
 
 void WorkingMap::MarkPublished(int keyframe) {
-  published_keyframes_.insert(keyframe);
+  WorkingKeyframe& k = keyframes_[keyframe];
+  k.published = true;
   dirty_keyframes_.erase(keyframe);
-  const Frame& frame = *keyframes_[keyframe].frame;
-  for (size_t i = 0; i < frame.points.size(); ++i) {
-    const int feature = static_cast<int>(i);
-    if (frame.points[i] >= 0 && published_points_.contains(frame.points[i])) {
-      dirty_observations_.erase({keyframe, feature});
-    } else if (frame.points[i] < 0) {
-      dirty_observations_.erase({keyframe, feature});
-    }
-  }
+  // What the keyframe itself told need not be told again.
+  std::erase_if(k.dirty_features, [&](int feature) {
+    const int point = k.frame->points[feature];
+    return point < 0 || points_[point].published;
+  });
 }
 
 MapUpdate WorkingMap::TakeUpdate() {
   MapUpdate update;
   update.submap = id_;
   for (const int k : dirty_keyframes_) {
-    if (published_keyframes_.contains(k)) update.keyframes.push_back({keyframes_[k].id, keyframes_[k].frame->cam_from_submap});
+    if (keyframes_[k].published) update.keyframes.push_back({keyframes_[k].id, keyframes_[k].frame->cam_from_submap});
   }
+  std::sort(dirty_points_.begin(), dirty_points_.end());
   for (const int p : dirty_points_) {
+    points_[p].dirty = false;
+    if (points_[p].removed) continue;
     update.points.push_back({points_[p].id, points_[p].position.cast<float>()});
-    published_points_.insert(p);
+    points_[p].published = true;
   }
-  for (const auto& [keyframe, feature] : dirty_observations_) {
-    if (!published_keyframes_.contains(keyframe)) continue;
-    const int point = keyframes_[keyframe].frame->points[feature];
-    update.observations.push_back({keyframes_[keyframe].id, feature, point >= 0 ? points_[point].id : MapPointId()});
+  for (WorkingKeyframe& k : keyframes_) {
+    std::sort(k.dirty_features.begin(), k.dirty_features.end());
+    k.dirty_features.erase(std::unique(k.dirty_features.begin(), k.dirty_features.end()), k.dirty_features.end());
+    if (k.published) {
+      for (const int feature : k.dirty_features) {
+        const int point = k.frame->points[feature];
+        update.observations.push_back({k.id, feature, point >= 0 ? points_[point].id : MapPointId()});
+      }
+    }
+    k.dirty_features.clear();
   }
   update.removed_keyframes = std::move(removed_keyframes_);
   update.removed_points = std::move(removed_points_);
@@ -196,7 +245,6 @@ MapUpdate WorkingMap::TakeUpdate() {
   removed_points_.clear();
   dirty_keyframes_.clear();
   dirty_points_.clear();
-  dirty_observations_.clear();
   return update;
 }
 

@@ -1,8 +1,6 @@
 #pragma once
 
-#include <map>
 #include <set>
-#include <utility>
 #include <vector>
 
 #include "libs/mapping/records.h"
@@ -27,12 +25,17 @@ struct WorkingPoint {
   int first_keyframe = -1;
   int visible = 1, found = 1;  // frames that should have seen it, that did
   bool removed = false;
+  bool descriptor_current = false;  // no observation has come or gone since it was chosen
+  bool published = false;
+  bool dirty = false;  // its position is to be published
 };
 
 struct WorkingKeyframe {
   KeyframeId id;
   FramePtr frame;
   bool removed = false;
+  bool published = false;
+  std::vector<int> dirty_features;  // whose points are to be published; a feature may occur twice
 };
 
 struct Covisible {
@@ -71,6 +74,10 @@ class WorkingMap {
   void SetPosition(int point, const Eigen::Vector3d& position);
   // Renews descriptor, normal and distance from the observations.
   void RefreshPoint(int point);
+  // Points that the keyframe observes, ascending.
+  std::vector<int> PointsOf(int keyframe) const;
+  // The same of several keyframes together.
+  std::vector<int> PointsOf(const std::vector<int>& keyframes) const;
 
   // Keyframes that share at least min_shared points, most first (ties: newer first).
   std::vector<Covisible> CovisibleKeyframes(int keyframe, int min_shared) const;
@@ -89,9 +96,11 @@ class WorkingMap {
   IdSource* ids_;
   std::vector<WorkingKeyframe> keyframes_;
   std::vector<WorkingPoint> points_;
-  std::set<int> published_keyframes_, published_points_;
-  std::set<int> dirty_keyframes_, dirty_points_;
-  std::set<std::pair<int, int>> dirty_observations_;  // keyframe, feature
+  void ChooseDescriptor(WorkingPoint* point) const;
+  void MarkDirty(int point);
+
+  std::set<int> dirty_keyframes_;  // their poses are to be published
+  std::vector<int> dirty_points_;  // in any order; a point once
   std::vector<KeyframeId> removed_keyframes_;
   std::vector<MapPointId> removed_points_;
 };

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include <cmath>
 #include <random>
 
@@ -111,6 +113,31 @@ TEST(Matching, FindNearHonoursRadiusOctaveAndUse) {
   search.max_octave = 7;
   EXPECT_EQ(FindNear(f, grid, {104, 100}, f.descriptors[2], search, none).b, -1);
   EXPECT_EQ(FindNear(f, grid, {104, 100}, f.descriptors[1], search, {0, 1, 0}).b, -1);
+}
+
+// Every feature near the segment is visited, once; far from it few are.
+TEST(FeatureGrid, VisitsAlongASegment) {
+  std::mt19937_64 rng(5);
+  std::uniform_real_distribution<float> x(-20, 820), y(-20, 620);
+  std::vector<Keypoint> keypoints(4000);
+  for (Keypoint& k : keypoints) k.pixel = {x(rng), y(rng)};
+  const FeatureGrid grid(keypoints, 800, 600, 40);
+  const float margin = 7;
+  for (int trial = 0; trial < 50; ++trial) {
+    const Eigen::Vector2f p0(x(rng), y(rng)), p1 = trial % 5 == 0 ? Eigen::Vector2f(x(rng), p0.y()) : Eigen::Vector2f(x(rng), y(rng));
+    std::vector<int> visits(keypoints.size(), 0);
+    grid.VisitAlong(p0, p1, margin, [&](int i) { ++visits[i]; });
+    int num_visited = 0;
+    for (size_t i = 0; i < keypoints.size(); ++i) {
+      const Eigen::Vector2f d = p1 - p0;
+      const float t = std::clamp((keypoints[i].pixel - p0).dot(d) / d.squaredNorm(), 0.0f, 1.0f);
+      const float distance = (p0 + t * d - keypoints[i].pixel).norm();
+      EXPECT_LE(visits[i], 1);
+      if (distance < margin) EXPECT_EQ(visits[i], 1) << trial;
+      num_visited += visits[i];
+    }
+    EXPECT_LT(num_visited, 4000 * ((p1 - p0).norm() + 100) * 200 / (840 * 640));
+  }
 }
 
 }  // namespace
