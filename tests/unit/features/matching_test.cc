@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-
 #include <cmath>
 #include <random>
 
@@ -133,7 +132,9 @@ TEST(FeatureGrid, VisitsAlongASegment) {
       const float t = std::clamp((keypoints[i].pixel - p0).dot(d) / d.squaredNorm(), 0.0f, 1.0f);
       const float distance = (p0 + t * d - keypoints[i].pixel).norm();
       EXPECT_LE(visits[i], 1);
-      if (distance < margin) EXPECT_EQ(visits[i], 1) << trial;
+      if (distance < margin) {
+        EXPECT_EQ(visits[i], 1) << trial;
+      }
       num_visited += visits[i];
     }
     EXPECT_LT(num_visited, 4000 * ((p1 - p0).norm() + 100) * 200 / (840 * 640));
