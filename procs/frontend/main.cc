@@ -23,7 +23,7 @@ int main(int argc, char** argv) {
   realtime_flag->excludes(lockstep_flag);
   live_flag->excludes(lockstep_flag)->excludes(realtime_flag);
   app.add_option("--speed", options.speed, "with --realtime: times as fast as the frames were taken")
-      ->check(CLI::PositiveNumber)
+      ->check(CLI::Range(0.001, 1e6))
       ->capture_default_str();
   app.add_option("--max-waiting", options.max_waiting, "with --realtime or --live: frames that may wait before the oldest is dropped")
       ->check(CLI::Range(1, 1000))

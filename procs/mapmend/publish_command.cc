@@ -121,7 +121,7 @@ void AddPublishCommand(CLI::App* app) {
   sub->add_option("INPUT", options->input, "video file, or folder of images taken in the order of their names")->required();
   sub->add_option("--times", options->times, "one time in seconds per line and frame (default: times.txt beside INPUT, else from the frame rate)");
   sub->add_option("--skip-frames", options->skip_frames, "frames to leave out, e.g. 80-120,200-240");
-  sub->add_option("--speed", options->speed, "times as fast as the images were taken")->check(CLI::PositiveNumber)->capture_default_str();
+  sub->add_option("--speed", options->speed, "times as fast as the images were taken")->check(CLI::Range(0.001, 1e6))->capture_default_str();
   sub->add_option("--format", options->format, "jpeg, or grey (8 bit, not compressed)")
       ->check(CLI::IsMember({"jpeg", "grey"}))
       ->capture_default_str();

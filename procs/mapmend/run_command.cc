@@ -36,7 +36,7 @@ void AddRunCommand(CLI::App* app) {
                                   "stream, or Ctrl-C; frames that come while tracking is busy are dropped, and counted");
   realtime_flag->excludes(lockstep_flag);
   live_flag->excludes(lockstep_flag)->excludes(realtime_flag);
-  sub->add_option("--speed", options->speed, "with --realtime: times as fast as the frames were taken (default: 1)")->check(CLI::PositiveNumber);
+  sub->add_option("--speed", options->speed, "with --realtime: times as fast as the frames were taken (default: 1)")->check(CLI::Range(0.001, 1e6));
   sub->add_option("--max-waiting", options->max_waiting, "with --realtime or --live: frames that may wait before the oldest is dropped (default: 3)")
       ->check(CLI::Range(1, 1000));
   sub->add_flag("--profile", options->profile,
