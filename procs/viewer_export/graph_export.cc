@@ -43,6 +43,16 @@ std::vector<GraphEdge> ListEdges(const Snapshot& snapshot) {
   return edges;
 }
 
+std::vector<GraphEdge> ListLoops(const Snapshot& snapshot) {
+  std::vector<GraphEdge> loops;
+  for (const EvaluatedConnection& connection : snapshot.model->Revision().connections) {
+    const int submap = snapshot.FindSubmap(connection.a);
+    if (submap >= 0 && connection.a == connection.b) loops.push_back({submap, submap, &connection});
+  }
+  std::stable_sort(loops.begin(), loops.end(), [](const GraphEdge& x, const GraphEdge& y) { return x.a < y.a; });
+  return loops;
+}
+
 std::string SubmapName(const SnapshotSubmap& submap) { return "Submap " + std::to_string(submap.number); }
 
 std::string ReadableReason(const std::string& reason) {

@@ -17,6 +17,9 @@ struct GraphEdge {
 // Ascending by (a, b). Connections that name a submap not in the snapshot are left out.
 std::vector<GraphEdge> ListEdges(const Snapshot& snapshot);
 
+// Connections of a submap with itself: loop closures within it. Ascending by submap.
+std::vector<GraphEdge> ListLoops(const Snapshot& snapshot);
+
 // Graphviz text (undirected): submaps coloured and grouped by component, accepted connections labelled with F, M, theta
 // and C, the tree bold, rejected and deactivated connections dashed grey.
 std::string MakeGraphDot(const Snapshot& snapshot);

@@ -74,8 +74,8 @@ Json Figures(const Snapshot& snapshot) {
     keyframes += s.submap->keyframes.size();
     points += s.submap->points.size();
   }
-  const std::vector<EvaluatedConnection>& connections = snapshot.model->Revision().connections;
-  for (const EvaluatedConnection& c : connections) accepted += c.verdict == EvaluatedConnection::Verdict::kAccepted;
+  const std::vector<GraphEdge> connections = ListEdges(snapshot);
+  for (const GraphEdge& e : connections) accepted += e.connection->verdict == EvaluatedConnection::Verdict::kAccepted;
   const int losses = CountLosses(snapshot);
   add(std::to_string(snapshot.num_frames_tracked), "frames tracked",
       in > 0 ? Fixed(100 * snapshot.num_frames_tracked / in, 1) + " % of the flight" : "");

@@ -232,6 +232,23 @@ std::string ConnectionTable(const Json& s) {
   return html;
 }
 
+std::string LoopTable(const Json& s) {
+  if (!s.contains("loops") || s["loops"].empty()) return "";
+  std::string html =
+      "<h2>Loops within submaps</h2>\n<div class=\"scroll\"><table>\n<tr><th>Submap</th><th class=\"text\">Verdict</th><th>F</th>"
+      "<th>M</th><th>θ</th><th>C</th><th>Candidates</th><th class=\"text\">Reason</th></tr>\n";
+  for (const Json& c : s["loops"]) {
+    html += "<tr><td>" + Chip(c["a"]) + "</td><td class=\"text\"><span class=\"verdict " + Escaped(c["verdict"]) + "\">" +
+            Escaped(c["verdict"]) + "</span></td><td>" + Int(c["F"]) + "</td><td>" + Int(c["M"]) + "</td><td>" +
+            Fixed(c["theta_deg"], 1) + "°</td><td>" + Fixed(c["C"], 1) + "</td><td>" + Int(c["candidates"]) +
+            "</td><td class=\"text\">" + Escaped(c["reason"]) + "</td></tr>\n";
+  }
+  html += "</table></div>\n";
+  return html +
+         "<p class=\"note\">A submap that comes back to ground it has left: pairs of its own keyframes that see the same place. "
+         "Accepted: the drift of tracking between them is taken out.</p>\n";
+}
+
 std::string ProcessTable(const Json& s) {
   if (!s.contains("processes") || s["processes"].empty()) return "";
   std::string html =
@@ -287,7 +304,7 @@ std::string MakeReport(const std::string& summary_json, const std::string& graph
     for (const std::string& svg : trajectory_svgs) html += "<div class=\"picture\">" + svg + "</div>\n";
     html += WhyApart(s);
     html += "<div class=\"picture\">" + graph_svg + "</div>\n";
-    html += ConnectionTable(s) + SubmapTable(s) + ProcessTable(s) + ProfileTable(s);
+    html += ConnectionTable(s) + LoopTable(s) + SubmapTable(s) + ProcessTable(s) + ProfileTable(s);
     html += "<footer>Written by mapmend " + Escaped(s["version"]) +
             ". The figures are in summary.json beside this page.</footer>\n";
     return html + "</main></body></html>\n";

@@ -84,9 +84,9 @@ Json Components(const Snapshot& snapshot, const MapEvaluation* evaluation, const
   return components;
 }
 
-Json Connections(const Snapshot& snapshot) {
+Json Connections(const Snapshot& snapshot, const std::vector<GraphEdge>& edges) {
   Json connections = Json::array();
-  for (const GraphEdge& edge : ListEdges(snapshot)) {
+  for (const GraphEdge& edge : edges) {
     const EvaluatedConnection& c = *edge.connection;
     // Listed from the lower number to the higher one, whichever way round it was evaluated.
     const bool swapped = snapshot.FindSubmap(c.a) != edge.a;
@@ -165,7 +165,8 @@ std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evalu
   json["sessions"] = Sessions(snapshot);
   json["submaps"] = Submaps(snapshot, evaluation);
   json["components"] = Components(snapshot, evaluation, num_points);
-  json["connections"] = Connections(snapshot);
+  json["connections"] = Connections(snapshot, ListEdges(snapshot));
+  json["loops"] = Connections(snapshot, ListLoops(snapshot));
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

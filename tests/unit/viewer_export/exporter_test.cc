@@ -97,6 +97,29 @@ TEST_F(ExporterTest, ASplitMapIsWrittenWithAllItsFiles) {
   EXPECT_THAT(report, HasSubstr("2 connections to other parts were tried"));
 }
 
+TEST_F(ExporterTest, LoopsWithinASubmapAreToldApartFromConnections) {
+  const TestFlight flight;
+  MapModel model = MakeModel(flight);
+  MapRevision merged = flight.Revision();
+  EvaluatedConnection loop = merged.connections[0];
+  loop.a = loop.b = flight.Key(1);
+  loop.b_from_a = Similarity3();
+  loop.in_tree = false;
+  loop.num_connected_frames = 17;
+  loop.reason = "17 pairs of keyframes at 2 places";
+  merged.connections.push_back(loop);
+  model.SetRevision(merged);
+  ExportAll(model, nullptr, dir_.string());
+  const auto summary = Summary();
+  EXPECT_EQ(summary["connections"].size(), 1u);
+  ASSERT_EQ(summary["loops"].size(), 1u);
+  EXPECT_EQ(summary["loops"][0]["a"], 1);
+  EXPECT_EQ(summary["loops"][0]["b"], 1);
+  EXPECT_EQ(summary["loops"][0]["F"], 17);
+  EXPECT_EQ(summary["loops"][0]["verdict"], "accepted");
+  EXPECT_THAT(Read("report.html"), HasSubstr("17 pairs of keyframes at 2 places"));
+}
+
 TEST_F(ExporterTest, GroundTruthGivesErrorsInMetres) {
   const TestFlight flight;
   MapModel model = MakeModel(flight);
