@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <map>
 #include <set>
 
@@ -232,6 +233,17 @@ CrossObservations ResolveMatches(const SubmapView& a, const SubmapView& b, const
   resolve(a, b, a_in_b, &observations.a_in_b);
   resolve(b, a, b_in_a, &observations.b_in_a);
   return observations;
+}
+
+double MedianErrorPx(const CrossObservations& observations, const Similarity3& b_from_a) {
+  const Similarity3 a_from_b = b_from_a.Inverse();
+  std::vector<double> errors;
+  for (const CrossObservation& o : observations.a_in_b) errors.push_back(o.sigma * std::sqrt(SquaredError(o, b_from_a)));
+  for (const CrossObservation& o : observations.b_in_a) errors.push_back(o.sigma * std::sqrt(SquaredError(o, a_from_b)));
+  if (errors.empty()) return std::numeric_limits<double>::infinity();
+  const auto middle = errors.begin() + static_cast<long>(errors.size() / 2);
+  std::nth_element(errors.begin(), middle, errors.end());
+  return *middle;
 }
 
 ConnectedFrames VerifyConnectedFrames(const SubmapView& a, KeyframeId keyframe_a, const SubmapView& b,

@@ -75,6 +75,9 @@ ConnectedFrames VerifyConnectedFrames(const SubmapView& a, KeyframeId keyframe_a
 CrossObservations ResolveMatches(const SubmapView& a, const SubmapView& b, const std::vector<CrossMatch>& a_in_b,
                                  const std::vector<CrossMatch>& b_in_a);
 
+// Median error (pixels) of observations under a transform that need not have been estimated from them; infinite without any.
+double MedianErrorPx(const CrossObservations& observations, const Similarity3& b_from_a);
+
 // Median angle (radians) at common points between the rays from two camera centres, all in the frame of b.
 double MedianIntersectionAngle(const Eigen::Vector3d& center_a, const Eigen::Vector3d& center_b,
                                const std::vector<Eigen::Vector3d>& points);

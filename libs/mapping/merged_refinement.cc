@@ -4,9 +4,9 @@
 #include <cmath>
 #include <cstdio>
 #include <optional>
-#include <set>
 
 #include "libs/geometry/sim3_closed_form.h"
+#include "libs/mapping/pose_graph_relations.h"
 
 namespace mapmend {
 namespace {
@@ -18,50 +18,20 @@ std::string Format(const char* format, Args... args) {
   return buffer;
 }
 
-// Relations within a submap: the next keyframes and the strongest covisible ones, as tracked.
-void AddSubmapEdges(const MergedMap& map, int submap, std::vector<PoseGraphEdge>* edges) {
-  constexpr int kNext = 2, kMaxCovisible = 5, kMinShared = 30;
-  const Submap& raw = *map.submaps[submap].submap;
-  std::vector<const SubmapKeyframe*> keyframes;
-  for (const auto& [id, keyframe] : raw.keyframes) keyframes.push_back(&keyframe);
-  for (size_t i = 0; i < keyframes.size(); ++i) {
-    std::set<KeyframeId> others;
-    for (size_t j = i + 1; j < keyframes.size() && j <= i + kNext; ++j) others.insert(keyframes[j]->id);
-    int taken = 0;
-    for (const CovisibleKeyframe& c : FindCovisible(raw, *keyframes[i], kMinShared)) {
-      if (taken++ >= kMaxCovisible) break;
-      if (c.keyframe->id > keyframes[i]->id) others.insert(c.keyframe->id);
-    }
-    for (const KeyframeId other : others) {
-      const SubmapKeyframe& b = raw.keyframes.at(other);
-      const double depth = std::max(1e-9, MedianDepth(raw, b));
-      PoseGraphEdge edge;
-      edge.a = map.FindKeyframe(submap, keyframes[i]->id);
-      edge.b = map.FindKeyframe(submap, other);
-      edge.b_from_a = Similarity3(b.cam_from_submap * keyframes[i]->cam_from_submap.Inverse());
-      edge.sigma_rotation = 0.003;
-      edge.sigma_translation = 0.005 * depth;
-      edge.sigma_scale = 0.005;
-      edges->push_back(edge);
-    }
+std::vector<PoseGraphEdge> Relations(const MergedMap& map, const std::vector<RefinementLink>& links) {
+  std::vector<PoseGraphEdge> edges;
+  for (int s = 0, first = 0; s < static_cast<int>(map.submaps.size()); ++s) {
+    AddTrackedRelations(*map.submaps[s].submap, first, &edges);
+    first += static_cast<int>(map.submaps[s].submap->keyframes.size());
   }
-}
-
-void AddLinkEdges(const MergedMap& map, const std::vector<RefinementLink>& links, std::vector<PoseGraphEdge>* edges) {
   for (const RefinementLink& link : links) {
     const int a = map.FindKeyframe(link.submap_a, link.keyframe_a), b = map.FindKeyframe(link.submap_b, link.keyframe_b);
     if (a < 0 || b < 0) continue;  // culled since
-    const SubmapKeyframe &ka = *map.keyframes[a].keyframe, &kb = *map.keyframes[b].keyframe;
-    PoseGraphEdge edge;
-    edge.a = a;
-    edge.b = b;
-    edge.b_from_a = Similarity3(kb.cam_from_submap) * link.b_from_a * Similarity3(ka.cam_from_submap.Inverse());
-    edge.sigma_rotation = 0.005;
-    edge.sigma_translation = 0.01 * std::max(1e-9, MedianDepth(*map.submaps[link.submap_b].submap, kb));
-    edge.sigma_scale = 0.01;
-    edge.robust = true;
-    edges->push_back(edge);
+    edges.push_back(VerifiedRelation(*map.submaps[link.submap_a].submap, link.keyframe_a, a,
+                                     *map.submaps[link.submap_b].submap, link.keyframe_b, b, link.b_from_a));
+    edges.back().robust = link.robust;
   }
+  return edges;
 }
 
 // Best similarity from a raw submap to the merged map, by its points.
@@ -112,9 +82,7 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
   const std::vector<MergedKeyframe> tree_keyframes = map.keyframes;
 
   if (!links.empty()) {
-    std::vector<PoseGraphEdge> edges;
-    for (size_t s = 0; s < submaps.size(); ++s) AddSubmapEdges(map, static_cast<int>(s), &edges);
-    AddLinkEdges(map, links, &edges);
+    const std::vector<PoseGraphEdge> edges = Relations(map, links);
     std::vector<Similarity3> vertices;
     for (const MergedKeyframe& k : map.keyframes) vertices.push_back(k.RootFromCam());
     report(Format("pose graph of %zu keyframes and %zu relations", vertices.size(), edges.size()));

@@ -16,6 +16,7 @@ struct RefinementLink {
   int submap_a = -1, submap_b = -1;  // indices into the list of submaps
   KeyframeId keyframe_a, keyframe_b;
   Similarity3 b_from_a;              // between the raw submap frames
+  bool robust = true;                // may be wrong; false: known to agree with all the others
 };
 
 struct MergedRefinementOptions {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <numeric>
 #include <set>
 
@@ -34,15 +33,6 @@ CrossObservations Thinned(const CrossObservations& all, size_t max_each_way) {
     for (size_t i = 0; i < n; ++i) (thinned.*way).push_back((all.*way)[i * (all.*way).size() / n]);
   }
   return thinned;
-}
-
-// Median error (pixels) of observations under a transform that was not estimated from them.
-double MedianError(const CrossObservations& observations, const Similarity3& b_from_a) {
-  const Similarity3 a_from_b = b_from_a.Inverse();
-  std::vector<double> errors;
-  for (const CrossObservation& o : observations.a_in_b) errors.push_back(o.sigma * std::sqrt(SquaredError(o, b_from_a)));
-  for (const CrossObservation& o : observations.b_in_a) errors.push_back(o.sigma * std::sqrt(SquaredError(o, a_from_b)));
-  return errors.empty() ? std::numeric_limits<double>::infinity() : Median(std::move(errors));
 }
 
 }  // namespace
@@ -76,7 +66,7 @@ void EstimateConnection(const SubmapView& a, const SubmapView& b, const Connecti
     std::vector<char> with_i(c->evidence.size(), 0);
     int support = 0;
     for (size_t j = 0; j < c->evidence.size(); ++j) {
-      with_i[j] = i == j || MedianError(judged[j], c->evidence[i].b_from_a) <= options.max_disagreement_px;
+      with_i[j] = i == j || MedianErrorPx(judged[j], c->evidence[i].b_from_a) <= options.max_disagreement_px;
       if (with_i[j]) support += c->evidence[j].num_inliers;
     }
     if (support > best_support) {

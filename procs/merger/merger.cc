@@ -4,8 +4,6 @@
 #include <limits>
 #include <tuple>
 
-#include "procs/merger/loop_consistency.h"
-
 namespace mapmend {
 namespace {
 
@@ -52,6 +50,12 @@ std::pair<SubmapKey, SubmapKey> Sorted(const SubmapKey& a, const SubmapKey& b) {
   return a < b ? std::pair(a, b) : std::pair(b, a);
 }
 
+// The failure that came nearest to success tells best why there is no connection.
+bool IsBetterFailure(const ConnectedFrames& frames, const ConnectedFrames& best) {
+  return best.reason.empty() || std::tuple(frames.num_inliers, frames.num_ransac_inliers, frames.num_matches) >
+                                    std::tuple(best.num_inliers, best.num_ransac_inliers, best.num_matches);
+}
+
 }  // namespace
 
 MergerOptions::MergerOptions() {
@@ -62,6 +66,7 @@ MergerOptions::MergerOptions() {
 
 std::string MergerOptions::Check() const {
   if (const std::string e = connected_frames.Check(); !e.empty()) return "connected_frames: " + e;
+  if (const std::string e = loops.Check(); !e.empty()) return "loops: " + e;
   if (const std::string e = cycles.Check(); !e.empty()) return "cycles: " + e;
   if (const std::string e = refinement.Check(); !e.empty()) return "refinement: " + e;
   if (const std::string e = live_refinement.Check(); !e.empty()) return "live_refinement: " + e;
@@ -181,17 +186,13 @@ void Merger::Evaluate(const std::string& session, SubmapId submap, KeyframeId ke
         !other_session->second.submaps.at(other.submap).keyframes.contains(proposal.keyframe)) {
       continue;
     }
+    // Loop closure within the submap: once for the two keyframes, the older first.
+    if (other == query && proposal.keyframe > keyframe) continue;
     auto& [looked_at, accepted] = looked_at_and_accepted[other];
     if (looked_at >= options_.max_verified_per_submap || accepted >= options_.max_accepted_per_submap) continue;
     ++looked_at;
     if (other == query) {
-      // Loop closure within the submap: once for the two keyframes, the older first.
-      if (proposal.keyframe > keyframe) continue;
-      Loop loop{query, Verify(query, proposal.keyframe, query, keyframe)};
-      if (!loop.frames.success) continue;
-      if (!JudgeLoop(*View(query).submap, loop.frames, options_.cycles).plausible) continue;
-      ++accepted;
-      loops_.push_back(std::move(loop));
+      accepted += EvaluateLoop(query, proposal.keyframe, keyframe);
       continue;
     }
     const bool query_is_b = IsOlder(other, query);
@@ -218,14 +219,24 @@ void Merger::Evaluate(const std::string& session, SubmapId submap, KeyframeId ke
       connected_.insert({other.session, proposal.keyframe});
       connection.evidence.push_back(std::move(frames));
       dirty_.insert(pair);
-    } else if (connection.best_failure.reason.empty() ||
-               std::tuple(frames.num_inliers, frames.num_ransac_inliers, frames.num_matches) >
-                   std::tuple(connection.best_failure.num_inliers, connection.best_failure.num_ransac_inliers,
-                              connection.best_failure.num_matches)) {
+    } else if (IsBetterFailure(frames, connection.best_failure)) {
       connection.best_failure = std::move(frames);
     }
   }
   output_->OnProgress("looking for connections");
+}
+
+bool Merger::EvaluateLoop(const SubmapKey& submap, KeyframeId keyframe_a, KeyframeId keyframe_b) {
+  Connection& loops = loops_[submap];
+  loops.a = loops.b = submap;
+  ++loops.num_candidates;
+  ConnectedFrames frames = Verify(submap, keyframe_a, submap, keyframe_b);
+  if (frames.success) {
+    loops.evidence.push_back(std::move(frames));
+    return true;
+  }
+  if (IsBetterFailure(frames, loops.best_failure)) loops.best_failure = std::move(frames);
+  return false;
 }
 
 void Merger::Update(const std::set<PairKey>& evaluated, bool announce_all) {
@@ -243,6 +254,9 @@ void Merger::Update(const std::set<PairKey>& evaluated, bool announce_all) {
         before.at(pair) != std::pair(connection.verdict, connection.in_tree)) {
       output_->OnConnection(connection);
     }
+  }
+  if (announce_all) {
+    for (const auto& [key, loops] : loops_) output_->OnConnection(loops);
   }
   MergedTransforms transforms = PlaceSubmaps();
   if (announce_all || !SamePlaces(transforms, transforms_)) {
@@ -354,6 +368,11 @@ void Merger::Complete() {
     for (const auto& [id, keyframe] : View(key).submap->keyframes) keyframes.push_back(id);
     for (const KeyframeId id : keyframes) Evaluate(key.session, key.submap, id, true, &evaluated);
   }
+  for (auto& [key, loops] : loops_) {
+    const auto verify = [&, submap = key](KeyframeId a, KeyframeId b) { return Verify(submap, a, submap, b); };
+    SeekSupport(View(key), options_.loops, verify, &loops);
+    EstimateLoops(View(key), options_.loops, &loops);
+  }
   complete_ = true;
   Update(evaluated, true);
 }
@@ -361,6 +380,7 @@ void Merger::Complete() {
 std::vector<Connection> Merger::connections() const {
   std::vector<Connection> all;
   for (const auto& [pair, connection] : connections_) all.push_back(connection);
+  for (const auto& [key, loops] : loops_) all.push_back(loops);
   return all;
 }
 

@@ -9,6 +9,7 @@
 #include "procs/merger/connection.h"
 #include "procs/merger/cycle_consistency.h"
 #include "procs/merger/keyframe_cache.h"
+#include "procs/merger/loop_connection.h"
 #include "procs/merger/merged_revision.h"
 #include "procs/merger/merged_transforms.h"
 #include "procs/merger/refinement_task.h"
@@ -55,6 +56,7 @@ struct MergerOptions {
 
   ConnectedFramesOptions connected_frames;
   ConnectionOptions connection;
+  LoopClosureOptions loops;
   CycleConsistencyOptions cycles;
   MergedRefinementOptions refinement;       // of the final map
   MergedRefinementOptions live_refinement;  // during the flight: fewer rounds, and a part of the points
@@ -108,6 +110,7 @@ class Merger {
   void Finalize();
 
   const std::map<std::string, Session>& sessions() const { return sessions_; }
+  // Of pairs of submaps, then of submaps with themselves (loop closure).
   std::vector<Connection> connections() const;
   const KeyframeCache& keyframe_cache() const { return cache_; }
   const MergedTransforms& transforms() const { return transforms_; }
@@ -120,10 +123,6 @@ class Merger {
 
  private:
   using PairKey = std::pair<SubmapKey, SubmapKey>;
-  struct Loop {
-    SubmapKey submap;
-    ConnectedFrames frames;
-  };
   // What the last refinement during the flight said.
   struct LiveRefinement {
     std::map<SubmapKey, RefinedPlace> places;
@@ -145,6 +144,8 @@ class Merger {
   // Asks for proposals and verifies them; pairs of submaps looked at are added to evaluated.
   void Evaluate(const std::string& session, SubmapId submap, KeyframeId keyframe, bool same_submap,
                 std::set<PairKey>* evaluated);
+  // Verifies a loop within a submap; true if it holds.
+  bool EvaluateLoop(const SubmapKey& submap, KeyframeId keyframe_a, KeyframeId keyframe_b);
   void EvaluatePending(const std::string& session, std::set<PairKey>* evaluated);
   void EvaluateAgain(const std::string& session, SubmapId submap, std::set<PairKey>* evaluated);
   // Estimates what changed, runs Kruskal with the cycle check, announces connections and transforms.
@@ -169,7 +170,7 @@ class Merger {
   std::map<PairKey, Connection> connections_;
   std::set<PairKey> dirty_;            // edges whose evidence changed since they were estimated
   std::set<std::pair<std::string, KeyframeId>> connected_;  // keyframes with an accepted connected frame
-  std::vector<Loop> loops_;
+  std::map<SubmapKey, Connection> loops_;  // of a submap with itself; known once complete
   std::set<PairKey> disabled_;         // each the lesser key first
   int num_decisions_ = 0;
   std::vector<TreeEdge> tree_;         // between indices into OrderedSubmaps()

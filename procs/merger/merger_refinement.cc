@@ -57,9 +57,13 @@ RefinementTask Merger::MakeRefinement() {
       }
     }
   }
-  for (const Loop& loop : loops_) {
-    const int s = index.at(loop.submap);
-    task.links.push_back({s, s, loop.frames.keyframe_a, loop.frames.keyframe_b, loop.frames.b_from_a});
+  for (const auto& [key, loops] : loops_) {
+    if (loops.verdict != Connection::Verdict::kAccepted) continue;
+    const int s = index.at(key);
+    for (size_t i = 0; i < loops.evidence.size(); ++i) {
+      const ConnectedFrames& e = loops.evidence[i];
+      if (loops.agrees[i]) task.links.push_back({s, s, e.keyframe_a, e.keyframe_b, e.b_from_a, false});
+    }
   }
   return task;
 }

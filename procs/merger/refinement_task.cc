@@ -28,7 +28,7 @@ RefinementOutcome RunRefinement(const RefinementTask& task, const std::function<
     std::vector<RefinementLink> links;
     for (const RefinementTask::Link& link : task.links) {
       const int a = local[link.submap_a], b = local[link.submap_b];
-      if (a >= 0 && b >= 0) links.push_back({a, b, link.keyframe_a, link.keyframe_b, link.b_from_a});
+      if (a >= 0 && b >= 0) links.push_back({a, b, link.keyframe_a, link.keyframe_b, link.b_from_a, link.robust});
     }
     const MergedRefinementResult result = RefineMergedMap(views, root_from_submap, links, task.options, progress);
     if (progress) progress("refinement: " + result.summary.reason);

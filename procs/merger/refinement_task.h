@@ -20,6 +20,7 @@ struct RefinementTask {
     int submap_a = -1, submap_b = -1;  // indices into parts; equal for a loop within a submap
     KeyframeId keyframe_a, keyframe_b;
     Similarity3 b_from_a;
+    bool robust = true;                // as RefinementLink
   };
   MergedTransforms transforms;         // where the tree puts every submap
   std::vector<Part> parts;             // as transforms.submaps

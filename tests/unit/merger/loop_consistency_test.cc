@@ -1,7 +1,8 @@
-#include "procs/merger/loop_consistency.h"
-
 #include <gtest/gtest.h>
 
+#include <cmath>
+
+#include "libs/mapping/loop_closure.h"
 #include "tests/unit/merger/synthetic_flight.h"
 
 namespace mapmend {
@@ -25,6 +26,10 @@ ConnectedFrames VerifyLoop(const std::vector<TerrainPoint>& terrain, const std::
   return VerifyConnectedFrames(view, KeyframeId(a), view, KeyframeId(b), {});
 }
 
+LoopJudgement Judge(const Session& session, const ConnectedFrames& loop) {
+  return JudgeLoops({&session.submaps.at(SubmapId(0)), session.info.pinhole, session.info.pyramid}, {loop}, {});
+}
+
 TEST(LoopConsistency, ATrueRevisitIsPlausibleInSpiteOfDrift) {
   std::mt19937_64 random(71);
   std::vector<Rigid3> poses = Strip({100, 100}, {260, 100}, 100, 12, 90, &random);
@@ -33,9 +38,9 @@ TEST(LoopConsistency, ATrueRevisitIsPlausibleInSpiteOfDrift) {
   Session session;
   const ConnectedFrames loop = VerifyLoop(MakeTerrain({}), poses, 0.002, 3, 20, &session);
   ASSERT_TRUE(loop.success) << loop.reason;
-  const LoopJudgement judgement = JudgeLoop(session.submaps.at(SubmapId(0)), loop, {});
-  EXPECT_GT(judgement.displacement, 0.005);  // it has drifted
-  EXPECT_TRUE(judgement.plausible) << judgement.displacement << " of " << judgement.allowed;
+  EXPECT_GT(std::abs(loop.b_from_a.scale - 1), 0.02);  // it has drifted
+  const LoopJudgement judgement = Judge(session, loop);
+  EXPECT_EQ(judgement.verdicts[0], LoopVerdict::kAlone) << judgement.reason;  // nothing else speaks against it
 }
 
 TEST(LoopConsistency, GroundThatOnlyLooksTheSameIsNot) {
@@ -45,9 +50,9 @@ TEST(LoopConsistency, GroundThatOnlyLooksTheSameIsNot) {
   Session session;
   const ConnectedFrames loop = VerifyLoop(terrain, Strip({80, 110}, {310, 110}, 100, 14, 90, &random), 0, 0, 13, &session);
   ASSERT_TRUE(loop.success) << loop.reason;  // the two images alone do not tell
-  const LoopJudgement judgement = JudgeLoop(session.submaps.at(SubmapId(0)), loop, {});
-  EXPECT_NEAR(judgement.displacement, 2.3, 0.2);
-  EXPECT_FALSE(judgement.plausible) << judgement.displacement << " of " << judgement.allowed;
+  const LoopJudgement judgement = Judge(session, loop);
+  EXPECT_EQ(judgement.verdicts[0], LoopVerdict::kImplausible) << judgement.reason;
+  EXPECT_NE(judgement.reason.find("off by 2."), std::string::npos) << judgement.reason;
 }
 
 }  // namespace
