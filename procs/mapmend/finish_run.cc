@@ -10,16 +10,22 @@
 
 namespace mapmend {
 
+void RunTool(const std::vector<std::string>& argv, const std::string& log, const std::string& failed) {
+  const std::string program = argv.front();
+  std::vector<std::string> command = argv;
+  command.front() = FindProgram(program);
+  ChildProcess tool(command, log);
+  std::optional<ExitStatus> status;
+  while (!(status = tool.Poll())) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  if (!status->Success()) throw std::runtime_error(failed + ": " + FindErrorLine(log, program, 0));
+}
+
 std::string FinishRun(const std::string& out, const LauncherFigures& figures, const std::string& db) {
   std::error_code ignored;
   std::filesystem::remove(out + "/outbox", ignored);  // all of it is in the database
   CompleteSummary(out, figures);
   const std::string log = out + "/logs/viewer_export.log";
-  ChildProcess report({FindProgram("viewer_export"), "--report", out}, log);
-  std::optional<ExitStatus> status;
-  while (!(status = report.Poll())) std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  if (!status->Success())
-    throw std::runtime_error("cannot build the report: " + FindErrorLine(log, "viewer_export", 0));
+  RunTool({"viewer_export", "--report", out}, log, "cannot build the report");
   const std::string folder = std::filesystem::absolute(out).lexically_normal().string();
   return FormatSummaryTable(out) + "  report       " + folder + "/report.html\n  map          " +
          (db.empty() ? folder + "/map.db, map.ply, frames.tum" : folder + "/map.ply, frames.tum, made from " + db);

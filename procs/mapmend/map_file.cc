@@ -64,6 +64,9 @@ MapFile::MapFile(const MapFileOptions& options) : options_(options) {
     backend.out = options_.out;
   }
   try {
+    if (options_.forget_merged) {
+      RunTool({"submap_store", "forget", options_.place.db}, backend.out + "/logs/forget.log", "cannot merge anew");
+    }
     backend_ = std::make_unique<Backend>(backend);
   } catch (...) {
     if (!temporary_.empty()) fs::remove_all(temporary_);

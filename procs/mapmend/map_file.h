@@ -26,6 +26,7 @@ struct MapFileOptions {
   std::optional<int> seed;
   std::string log_level = "info";
   bool with_merger = false;
+  bool forget_merged = false;  // what an earlier merger made, under whatever numbers, is removed first
 };
 
 // The processes on a database file without a flight. Logs go to OUT/logs, or to a temporary folder that goes with the object.

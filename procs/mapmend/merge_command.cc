@@ -58,7 +58,7 @@ void AddMergeCommand(CLI::App* app) {
   sub->add_option("--seed", options->seed, "of everything random; take that of the flight's run for the same map");
   sub->callback([options, map] {
     options->place = FindMap(*map);
-    options->with_merger = true;
+    options->with_merger = options->forget_merged = true;
     if (options->out.empty()) options->out = options->place.folder;
     Work(*options, options->place.db + ": merged");
   });

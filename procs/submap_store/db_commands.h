@@ -9,7 +9,7 @@
 // be used, and print to stdout.
 namespace mapmend {
 
-// Adds info, check, compact, merge and hash as subcommands.
+// Adds info, check, compact, forget, merge and hash as subcommands.
 void AddDbCommands(CLI::App* app);
 
 // Sessions, submaps, sizes.
@@ -20,6 +20,9 @@ std::vector<std::string> CheckDb(const std::string& path);
 
 // Rewrites the file without free pages, and brings it up to the newest schema.
 void CompactDb(const std::string& path);
+
+// Removes every revision of the merged map with its connections. Flights and people's decisions stay.
+void ForgetMergedMap(const std::string& path);
 
 // Makes `out` from the sessions of all inputs, in the order of their start times. Revisions are left behind: the merger
 // makes new ones. Throws if sessions disagree or vocabularies differ; then `out` does not exist.

@@ -87,6 +87,21 @@ TEST_F(Edges, ABareDatabaseIsMergedAndExported) {
   EXPECT_EQ(Hash(db), before);
 }
 
+// What an earlier merger wrote, even under higher numbers, must not outlive it: neither in the database nor in the exports.
+TEST_F(Edges, MergedAnewNothingOldRemains) {
+  const std::string out = Copy("anew"), db = out + "/map.db";
+  const std::string before = Hash(db), frames = ReadText(out + "/frames.tum");
+  ASSERT_EQ(Call({"merge", out, "--seed", "7"}).exit_code, 0);
+  const std::string other_seed = Hash(db);
+  EXPECT_NE(other_seed, before);
+  EXPECT_NE(ReadText(out + "/frames.tum"), frames);
+  ASSERT_EQ(Call({"db", "forget", db}).exit_code, 0);
+  EXPECT_NE(Hash(db), other_seed);
+  ASSERT_EQ(Call({"merge", out, "--seed", "1"}).exit_code, 0);
+  EXPECT_EQ(Hash(db), before);
+  EXPECT_EQ(ReadText(out + "/frames.tum"), frames);
+}
+
 TEST_F(Edges, OnASystemAtWorkTheDecisionIsHeededToTheEnd) {
   const std::string out = *folder_ / "live";
   RunningCommand run({kProgram, "replay", *folder_ / "log/mapmend.lcmlog", "--seed", "1", "--speed", "30", "--out", out},
