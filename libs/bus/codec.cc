@@ -44,7 +44,12 @@ Rigid3 DecodePose(const double* values) {
   double norm = 0;
   for (int i = 3; i < 7; ++i) norm += values[i] * values[i];
   Require(std::abs(norm - 1) < 1e-3, "rotation is not a unit quaternion");
-  return RigidFromArray(values);
+  // Normalising what is a unit quaternion up to rounding would change last bits: what is read and sent on stays the same.
+  Rigid3 pose;
+  pose.rotation = Eigen::Quaterniond(values[6], values[3], values[4], values[5]);
+  pose.translation = Eigen::Vector3d(values[0], values[1], values[2]);
+  if (std::abs(norm - 1) > 1e-12) pose.rotation.normalize();
+  return pose;
 }
 
 RecordHeader DecodeHeader(const record_header_t& message) {

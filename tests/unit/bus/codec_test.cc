@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <random>
+
 #include <limits>
 #include <mapmend/keyframe_t.hpp>
 #include <mapmend/map_update_t.hpp>
@@ -44,6 +46,24 @@ TEST(Codec, EveryRecordComesBackAsItWas) {
     EXPECT_EQ(decoded.record->header.seq, record.header.seq);
     EXPECT_EQ(EncodeRecord(*decoded.record).data, encoded.data);
   }
+}
+
+// A rotation that was normalised once is not always one that normalising leaves alone.
+TEST(Codec, PosesComeBackToTheLastBit) {
+  std::mt19937_64 rng(3);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  MapUpdate update;
+  update.submap = SubmapId(0);
+  for (int i = 0; i < 1000; ++i) {
+    const Eigen::Quaterniond q(uniform(rng), uniform(rng), uniform(rng), uniform(rng));
+    update.keyframes.push_back({KeyframeId(i), Rigid3(q, {uniform(rng), uniform(rng), uniform(rng)})});
+  }
+  Record record = MakeSyntheticStream(SmallFlight()).back();
+  record.body = std::move(update);
+  const EncodedRecord sent = EncodeRecord(record);
+  const DecodedRecord read = DecodeRecord(sent.channel, sent.data.data(), static_cast<int>(sent.data.size()));
+  ASSERT_TRUE(read.record) << read.error;
+  EXPECT_EQ(EncodeRecord(*read.record).data, sent.data);
 }
 
 TEST(Codec, KeyframeKeepsItsValues) {
