@@ -87,7 +87,7 @@ TEST_F(Edges, ABareDatabaseIsMergedAndExported) {
   EXPECT_EQ(Hash(db), before);
 }
 
-// What an earlier merger wrote, even under higher numbers, must not outlive it: neither in the database nor in the exports.
+// What an earlier merger wrote does not outlive it.
 TEST_F(Edges, MergedAnewNothingOldRemains) {
   const std::string out = Copy("anew"), db = out + "/map.db";
   const std::string before = Hash(db), frames = ReadText(out + "/frames.tum");
