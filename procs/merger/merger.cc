@@ -191,39 +191,45 @@ void Merger::Evaluate(const std::string& session, SubmapId submap, KeyframeId ke
     auto& [looked_at, accepted] = looked_at_and_accepted[other];
     if (looked_at >= options_.max_verified_per_submap || accepted >= options_.max_accepted_per_submap) continue;
     ++looked_at;
-    if (other == query) {
-      accepted += EvaluateLoop(query, proposal.keyframe, keyframe);
-      continue;
-    }
-    const bool query_is_b = IsOlder(other, query);
-    const PairKey pair = query_is_b ? PairKey(other, query) : PairKey(query, other);
-    Connection& connection = connections_[pair];
-    connection.a = pair.first;
-    connection.b = pair.second;
-    if (static_cast<int>(connection.evidence.size()) >= options_.max_evidence) continue;
-    const KeyframeId keyframe_a = query_is_b ? proposal.keyframe : keyframe;
-    const KeyframeId keyframe_b = query_is_b ? keyframe : proposal.keyframe;
-    const bool known = std::any_of(connection.evidence.begin(), connection.evidence.end(), [&](const ConnectedFrames& e) {
-      return e.keyframe_a == keyframe_a && e.keyframe_b == keyframe_b;
-    });
-    if (known) {
-      ++accepted;
-      continue;
-    }
-    ConnectedFrames frames = Verify(pair.first, keyframe_a, pair.second, keyframe_b);
-    ++connection.num_candidates;
-    evaluated->insert(pair);
-    if (frames.success) {
-      ++accepted;
-      connected_.insert({session, keyframe});
-      connected_.insert({other.session, proposal.keyframe});
-      connection.evidence.push_back(std::move(frames));
-      dirty_.insert(pair);
-    } else if (IsBetterFailure(frames, connection.best_failure)) {
-      connection.best_failure = std::move(frames);
+    accepted += other == query ? EvaluateLoop(query, proposal.keyframe, keyframe)
+                               : EvaluatePair(query, keyframe, other, proposal.keyframe, evaluated);
+  }
+  for (const auto& [other, neighbors] : NeighborsInTime(sessions_.at(session), submap, keyframe, options_.neighbors)) {
+    int& accepted = looked_at_and_accepted[{session, other}].second;
+    for (const KeyframeId neighbor : neighbors) {
+      if (accepted >= options_.max_accepted_per_submap) break;
+      accepted += EvaluatePair(query, keyframe, {session, other}, neighbor, evaluated);
     }
   }
   output_->OnProgress("looking for connections");
+}
+
+bool Merger::EvaluatePair(const SubmapKey& query, KeyframeId keyframe, const SubmapKey& other, KeyframeId proposed,
+                          std::set<PairKey>* evaluated) {
+  const bool query_is_b = IsOlder(other, query);
+  const PairKey pair = query_is_b ? PairKey(other, query) : PairKey(query, other);
+  Connection& connection = connections_[pair];
+  connection.a = pair.first;
+  connection.b = pair.second;
+  if (static_cast<int>(connection.evidence.size()) >= options_.max_evidence) return false;
+  const KeyframeId keyframe_a = query_is_b ? proposed : keyframe;
+  const KeyframeId keyframe_b = query_is_b ? keyframe : proposed;
+  const bool known = std::any_of(connection.evidence.begin(), connection.evidence.end(), [&](const ConnectedFrames& e) {
+    return e.keyframe_a == keyframe_a && e.keyframe_b == keyframe_b;
+  });
+  if (known) return true;
+  ConnectedFrames frames = Verify(pair.first, keyframe_a, pair.second, keyframe_b);
+  ++connection.num_candidates;
+  evaluated->insert(pair);
+  if (frames.success) {
+    connected_.insert({query.session, keyframe});
+    connected_.insert({other.session, proposed});
+    connection.evidence.push_back(std::move(frames));
+    dirty_.insert(pair);
+    return true;
+  }
+  if (IsBetterFailure(frames, connection.best_failure)) connection.best_failure = std::move(frames);
+  return false;
 }
 
 bool Merger::EvaluateLoop(const SubmapKey& submap, KeyframeId keyframe_a, KeyframeId keyframe_b) {

@@ -12,6 +12,7 @@
 #include "procs/merger/loop_connection.h"
 #include "procs/merger/merged_revision.h"
 #include "procs/merger/merged_transforms.h"
+#include "procs/merger/neighbors_in_time.h"
 #include "procs/merger/refinement_task.h"
 
 namespace mapmend {
@@ -63,6 +64,7 @@ struct MergerOptions {
   int max_proposals = 20;            // asked of retrieval per keyframe
   int max_verified_per_submap = 3;   // of them looked at, per other submap, best first ...
   int max_accepted_per_submap = 1;   // ... until so many are accepted
+  NeighborsInTimeOptions neighbors;  // looked at besides
   int max_evidence = 200;            // per connection: more adds cost and no knowledge
   int max_evaluated_again = 30;      // keyframes of an ended submap without a connection that are asked once more
   double live_growth = 1.5;          // refined anew when so many times the keyframes are joined, or the tree is another one
@@ -144,6 +146,9 @@ class Merger {
   // Asks for proposals and verifies them; pairs of submaps looked at are added to evaluated.
   void Evaluate(const std::string& session, SubmapId submap, KeyframeId keyframe, bool same_submap,
                 std::set<PairKey>* evaluated);
+  // Verifies a pair of keyframes of two submaps, unless it is known; true if it holds.
+  bool EvaluatePair(const SubmapKey& query, KeyframeId keyframe, const SubmapKey& other, KeyframeId proposed,
+                    std::set<PairKey>* evaluated);
   // Verifies a loop within a submap; true if it holds.
   bool EvaluateLoop(const SubmapKey& submap, KeyframeId keyframe_a, KeyframeId keyframe_b);
   void EvaluatePending(const std::string& session, std::set<PairKey>* evaluated);

@@ -30,7 +30,7 @@ LoopJudgement Judge(const Session& session, const ConnectedFrames& loop) {
   return JudgeLoops({&session.submaps.at(SubmapId(0)), session.info.pinhole, session.info.pyramid}, {loop}, {});
 }
 
-TEST(LoopConsistency, ATrueRevisitIsPlausibleInSpiteOfDrift) {
+TEST(LoopJudgement, ATrueRevisitIsPlausibleInSpiteOfDrift) {
   std::mt19937_64 random(71);
   std::vector<Rigid3> poses = Strip({100, 100}, {260, 100}, 100, 12, 90, &random);
   const auto back = Strip({260, 130}, {100, 130}, 100, 12, 270, &random);
@@ -43,7 +43,7 @@ TEST(LoopConsistency, ATrueRevisitIsPlausibleInSpiteOfDrift) {
   EXPECT_EQ(judgement.verdicts[0], LoopVerdict::kAlone) << judgement.reason;  // nothing else speaks against it
 }
 
-TEST(LoopConsistency, GroundThatOnlyLooksTheSameIsNot) {
+TEST(LoopJudgement, GroundThatOnlyLooksTheSameIsNot) {
   std::vector<TerrainPoint> terrain = MakeTerrain({});
   testing::CopyPatch({20, 50}, {250, 50}, 120, &terrain);
   std::mt19937_64 random(72);
