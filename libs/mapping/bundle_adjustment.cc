@@ -8,9 +8,23 @@
 #include <limits>
 #include <memory>
 
+#include "libs/mapping/bundle_points.h"
 #include "libs/mapping/reprojection_cost.h"
 
 namespace mapmend {
+
+namespace {
+
+void RefineOthers(const BundleOptions& options, const std::vector<uint8_t>& chosen, BundleProblem* problem) {
+  const ObservationsByPoint by_point(*problem);
+  std::vector<Eigen::Matrix3d> rotations;
+  for (const BundlePose& pose : problem->poses) rotations.push_back(pose.cam_from_world.rotation.toRotationMatrix());
+  for (size_t p = 0; p < chosen.size(); ++p) {
+    if (!chosen[p]) RefineBundlePoint(*problem, rotations, by_point.Of(p), options.huber, &problem->points[p]);
+  }
+}
+
+}  // namespace
 
 BundleSummary AdjustBundle(const BundleOptions& options, BundleProblem* problem) {
   BundleSummary result;
@@ -31,8 +45,12 @@ BundleSummary AdjustBundle(const BundleOptions& options, BundleProblem* problem)
   std::deque<ReprojectionCost> costs;  // Ceres cost functions cannot be moved
 
   auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  std::vector<uint8_t> chosen(points.size(), 1);
+  if (options.points_per_pose > 0) chosen = ChooseBundlePoints(*problem, options.points_per_pose);
   std::vector<uint8_t> pose_used(starts.size(), 0), point_used(points.size(), 0);
-  for (const BundleObservation& o : problem->observations) pose_used[o.pose] = point_used[o.point] = 1;
+  for (const BundleObservation& o : problem->observations) {
+    if (chosen[o.point]) pose_used[o.pose] = point_used[o.point] = 1;
+  }
   for (size_t i = 0; i < points.size(); ++i) {
     if (!point_used[i]) continue;
     ceres_problem.AddParameterBlock(points[i].data(), 3);
@@ -50,6 +68,7 @@ BundleSummary AdjustBundle(const BundleOptions& options, BundleProblem* problem)
     }
   }
   for (const BundleObservation& o : problem->observations) {
+    if (!chosen[o.point]) continue;
     costs.emplace_back(problem->cameras[problem->poses[o.pose].camera], poses.At(o.pose), o.pixel, o.sigma);
     ceres_problem.AddResidualBlock(&costs.back(), &loss, poses.Step(o.pose), points[o.point].data());
   }
@@ -74,6 +93,7 @@ BundleSummary AdjustBundle(const BundleOptions& options, BundleProblem* problem)
     if (!problem->poses[i].fixed) problem->poses[i].cam_from_world = poses.Result(i);
   }
   problem->points = std::move(points);
+  if (options.points_per_pose > 0) RefineOthers(options, chosen, problem);
   return result;
 }
 

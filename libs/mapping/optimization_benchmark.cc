@@ -54,7 +54,7 @@ void PoseOptimization(benchmark::State& state) {
   state.counters["error"] = 1000 / kHeight * (result.cam_from_world.Center() - truth.Center()).norm();
 }
 
-// Arguments: keyframes, points per keyframe. A third of the keyframes is fixed, as the rim of the local window is.
+// Arguments: keyframes, points per keyframe, how many of them determine its pose (0: all). A third of the keyframes is fixed, as the rim of the local window is.
 void LocalBundleAdjustment(benchmark::State& state) {
   std::mt19937_64 rng(1);
   const int num_keyframes = static_cast<int>(state.range(0));
@@ -85,11 +85,13 @@ void LocalBundleAdjustment(benchmark::State& state) {
     points.push_back(point);
     start.points.push_back(point + Noise(&rng, 0.1));
   }
+  BundleOptions options;
+  options.points_per_pose = static_cast<int>(state.range(2));
   BundleProblem problem;
   BundleSummary summary;
   for (auto _ : state) {
     problem = start;
-    summary = AdjustBundle({}, &problem);
+    summary = AdjustBundle(options, &problem);
   }
   if (!summary.success) state.SkipWithError("no solution");
   double squares = 0;
@@ -107,8 +109,8 @@ BENCHMARK(PoseOptimization)
     ->ArgsProduct({{100, 300, 1000}, {0, 20}})
     ->Unit(benchmark::kMillisecond);
 BENCHMARK(LocalBundleAdjustment)
-    ->ArgNames({"keyframes", "points"})
-    ->ArgsProduct({{10, 20}, {300, 600}})
+    ->ArgNames({"keyframes", "points", "chosen"})
+    ->ArgsProduct({{10, 20}, {300, 600}, {0, 150}})
     ->Unit(benchmark::kMillisecond);
 
 }  // namespace

@@ -376,6 +376,7 @@ void LocalMapper::Adjust(const std::vector<int>& free_keyframes, const std::vect
   }
   BundleOptions bundle_options;
   bundle_options.max_iterations = iterations;
+  bundle_options.points_per_pose = options_.bundle_points;
   if (!AdjustBundle(bundle_options, &problem).success) return;
   for (size_t i = 0; i < problem.poses.size(); ++i) {
     if (!problem.poses[i].fixed) map->SetPose(keyframe_of[i], problem.poses[i].cam_from_world);

@@ -19,6 +19,7 @@ struct LocalMapperOptions {
   int bundle_keyframes = 12;          // optimised by local bundle adjustment
   int bundle_fixed_keyframes = 20;    // that hold it in place
   int bundle_iterations = 5;
+  int bundle_points = 150;            // that determine a keyframe's pose there; the other points follow
   double outlier_chi2 = 5.991;
 };
 
