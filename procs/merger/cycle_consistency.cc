@@ -151,8 +151,13 @@ std::string CycleConsistencyOptions::Check() const {
 }
 
 CycleConsistencyResult FindConsistentForest(int num_vertices, const std::vector<CycleEdge>& edges,
-                                            const CycleConsistencyOptions& options) {
+                                            const CycleConsistencyOptions& options, const EdgeCredit& credit) {
   CycleConsistencyResult result;
+  std::vector<double> credits(edges.size(), -1);  // below 0: not asked yet
+  const auto worth = [&](int e) {
+    if (credits[e] < 0) credits[e] = credit ? credit(e) : 1;
+    return edges[e].strength * credits[e];
+  };
   result.active.assign(edges.size(), 1);
   result.reason.resize(edges.size());
   for (;;) {
@@ -181,9 +186,9 @@ CycleConsistencyResult FindConsistentForest(int num_vertices, const std::vector<
     for (const int e : suspects) {
       std::vector<char> without = result.active;
       without[e] = 0;
-      double loss = edges[e].strength;
+      double loss = worth(e);
       for (const Cycle& cycle : Judge(num_vertices, edges, without, options).cycles) {
-        if (!cycle.consistent) loss += edges[cycle.closing_edge].strength;
+        if (!cycle.consistent) loss += worth(cycle.closing_edge);
       }
       if (loss < least_loss) {
         least_loss = loss;
@@ -191,12 +196,17 @@ CycleConsistencyResult FindConsistentForest(int num_vertices, const std::vector<
       }
     }
     result.active[culprit] = 0;
-    char text[240];
+    char text[320];
     std::snprintf(text, sizeof(text),
                   "going round a cycle of %zu connections moves the common points by %.0f %% of the viewing distance "
                   "(%.0f %% allowed); leaving out this one (C = %.1f) costs least",
                   worst->edges.size(), 100 * worst->displacement, 100 * worst->allowed, edges[culprit].strength);
     result.reason[culprit] = text;
+    if (credit) {
+      std::snprintf(text, sizeof(text), "; %.0f %% of the keyframes that it lays over each other are connected",
+                    100 * credits[culprit]);
+      result.reason[culprit] += text;
+    }
   }
 }
 

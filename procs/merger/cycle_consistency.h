@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -44,12 +45,16 @@ struct CycleConsistencyResult {
   std::vector<Cycle> cycles;             // of the final forest
 };
 
+// Which share of an edge's strength counts when it is judged, 0 to 1. Asked only of edges of inconsistent cycles, once each.
+using EdgeCredit = std::function<double(int edge)>;
+
 // Maximum spanning forest of the edges that survive the check: each edge off the tree closes a cycle; composing the
 // transforms round it must bring the points back. Of an inconsistent cycle one edge is deactivated: the one whose loss costs
-// least strength, its own and that of all edges that then still close inconsistent cycles. With a single cycle that is its
-// weakest edge; a strong wrong edge within the tree is found by the many that contradict it. Edges that a consistent cycle
-// confirms are spared if any other is left. Then Kruskal runs again, until all cycles are consistent.
+// least, in strength times credit, its own and that of all edges that then still close inconsistent cycles. With a single cycle
+// that is its weakest edge; a strong wrong edge within the tree is found by the many that contradict it. Edges that a consistent
+// cycle confirms are spared if any other is left. Then Kruskal runs again, until all cycles are consistent.
+//   credit  none: 1 for all
 CycleConsistencyResult FindConsistentForest(int num_vertices, const std::vector<CycleEdge>& edges,
-                                            const CycleConsistencyOptions& options);
+                                            const CycleConsistencyOptions& options, const EdgeCredit& credit = {});
 
 }  // namespace mapmend

@@ -296,7 +296,11 @@ void Merger::JudgeConnections(const std::set<PairKey>& evaluated, bool estimate_
   }
   dirty_.clear();
 
-  CycleConsistencyResult consistent = FindConsistentForest(static_cast<int>(keys.size()), edges, options_.cycles);
+  const auto credit = [&](int e) {
+    return RecognizedShare(View(active[e]->a), View(active[e]->b), *active[e], options_.max_evidence, options_.recognized);
+  };
+  CycleConsistencyResult consistent =
+      FindConsistentForest(static_cast<int>(keys.size()), edges, options_.cycles, credit);
   for (size_t i = 0; i < active.size(); ++i) {
     if (consistent.active[i]) continue;
     active[i]->verdict = Connection::Verdict::kDeactivated;

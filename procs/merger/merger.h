@@ -13,6 +13,7 @@
 #include "procs/merger/merged_revision.h"
 #include "procs/merger/merged_transforms.h"
 #include "procs/merger/neighbors_in_time.h"
+#include "procs/merger/recognized_share.h"
 #include "procs/merger/refinement_task.h"
 
 namespace mapmend {
@@ -59,6 +60,7 @@ struct MergerOptions {
   ConnectionOptions connection;
   LoopClosureOptions loops;
   CycleConsistencyOptions cycles;
+  RecognizedShareOptions recognized;
   MergedRefinementOptions refinement;       // of the final map
   MergedRefinementOptions live_refinement;  // during the flight: fewer rounds, and a part of the points
   int max_proposals = 20;            // asked of retrieval per keyframe

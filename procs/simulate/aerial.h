@@ -15,6 +15,13 @@ struct Lake {
   double x = 0, y = 0, radius_x = 0, radius_y = 0, yaw = 0;
 };
 
+// A square of land that looks the same a second time: ground, plants, light and shade, on the hills that are there. Houses and cars
+// are not copied.
+struct Twin {
+  double from_x = 0, from_y = 0, to_x = 0, to_y = 0;  // the corners with the least coordinates
+  double size = 0;                                    // 0: there is none
+};
+
 struct AerialOptions {
   uint64_t seed = 1;
   double x0 = 0, y0 = 0, width = 400, length = 400;  // metres: the area that is modelled
@@ -31,6 +38,7 @@ struct AerialOptions {
   std::vector<Lake> lakes;
   // If positive, the land repeats itself exactly with this period along x: perceptual aliasing on purpose.
   double repeat_x = 0;
+  Twin twin;
   int num_threads = 1;
 };
 

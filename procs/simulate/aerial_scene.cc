@@ -192,6 +192,31 @@ void AddHouses(const AerialLayout& layout, const HeightGrid& bare, Scene* scene)
   }
 }
 
+void CopyTwin(const AerialOptions& options, const HeightGrid& bare, Image* ground, HeightGrid* grid) {
+  const Twin& twin = options.twin;
+  const auto steps = [](double length, double step) { return static_cast<int>(std::lround(length / step)); };
+  const auto corner = [&](double x, double y, double step) {
+    return std::pair(steps(x - options.x0, step), steps(y - options.y0, step));
+  };
+  {
+    const auto [from_i, from_j] = corner(twin.from_x, twin.from_y, options.texel);
+    const auto [to_i, to_j] = corner(twin.to_x, twin.to_y, options.texel);
+    const int n = steps(twin.size, options.texel);
+    for (int j = 0; j < n; ++j) {
+      for (int i = 0; i < n; ++i) ground->At(to_i + i, to_j + j) = ground->At(from_i + i, from_j + j);
+    }
+  }
+  const auto [from_i, from_j] = corner(twin.from_x, twin.from_y, options.spacing);
+  const auto [to_i, to_j] = corner(twin.to_x, twin.to_y, options.spacing);
+  const int n = steps(twin.size, options.spacing);
+  for (int j = 0; j < n; ++j) {
+    for (int i = 0; i < n; ++i) {
+      const float plants = grid->At(from_i + i, from_j + j) - bare.At(from_i + i, from_j + j);
+      grid->At(to_i + i, to_j + j) = bare.At(to_i + i, to_j + j) + plants;
+    }
+  }
+}
+
 void AddCars(const AerialLayout& layout, const HeightGrid& bare, Scene* scene) {
   const Color paints[] = {Rgb(235, 235, 238), Rgb(40, 42, 46),  Rgb(150, 152, 158), Rgb(95, 100, 108),
                           Rgb(140, 32, 36),   Rgb(40, 66, 120), Rgb(200, 196, 186)};
@@ -243,6 +268,7 @@ std::unique_ptr<Scene> BuildAerialScene(const AerialOptions& options, const Mate
       }
     }
   });
+  if (options.twin.size > 0) CopyTwin(options, bare, &ground, &scene->grid);
   scene->ground = std::make_shared<Texture>(std::move(ground), options.num_threads);
   scene->ground_texels_per_metre = 1 / options.texel;
   // Detail below the texel size: the light and dark of grass.

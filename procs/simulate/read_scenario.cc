@@ -109,6 +109,23 @@ void ReadCameraSection(Section s, Camera* camera) {
   s.CheckKnown();
 }
 
+void ReadTwin(Section twin, const Section& scene, AerialOptions* a) {
+  Twin& t = a->twin;
+  twin.Read("from_x", &t.from_x);
+  twin.Read("from_y", &t.from_y);
+  twin.Read("to_x", &t.to_x);
+  twin.Read("to_y", &t.to_y);
+  twin.Read("size", &t.size);
+  twin.CheckKnown();
+  const auto inside = [&](double x, double y) {
+    return x >= a->x0 && y >= a->y0 && x + t.size <= a->x0 + a->width && y + t.size <= a->y0 + a->length;
+  };
+  if (t.size < 0) scene.Fail("twin", "needs a size that is not negative");
+  if (t.size > 0 && !(inside(t.from_x, t.from_y) && inside(t.to_x, t.to_y))) {
+    scene.Fail("twin", "has a square outside the area that is modelled");
+  }
+}
+
 void ReadScene(Section s, SceneOptions* scene) {
   AerialOptions& a = scene->aerial;
   s.ReadChoice("kind", {"aerial", "street", "office", "corridor"}, &scene->kind);
@@ -132,6 +149,7 @@ void ReadScene(Section s, SceneOptions* scene) {
   s.Read("marsh", &a.marsh);
   s.Read("forest", &a.forest);
   s.Read("repeat_x", &a.repeat_x);
+  ReadTwin(s.Sub("twin"), s, &a);
   if (s.Has("lakes")) {
     a.lakes.clear();
     for (const auto& node : s.Get("lakes")) {

@@ -68,6 +68,26 @@ TEST(CycleConsistency, TwoWeakWrongEdgesDoNotOutvoteTheStrongTruth) {
   EXPECT_EQ(result.active, (std::vector<char>{1, 1, 1, 0, 0}));
 }
 
+TEST(CycleConsistency, AStrongEdgeThatIsSeldomRecognizedGoesBeforeAWeakerOneThatAlwaysIs) {
+  const World w(3);
+  const std::vector<CycleEdge> edges = {w.Edge(0, 1, 9), w.Edge(1, 2, 4), w.Edge(0, 2, 6, {60, 0, 0})};
+  EXPECT_EQ(FindConsistentForest(3, edges, {}).active, (std::vector<char>{1, 0, 1}));  // nothing but strength to go by
+  const auto credit = [](int e) { return e == 2 ? 0.4 : 0.9; };
+  const auto result = FindConsistentForest(3, edges, {}, credit);
+  EXPECT_EQ(result.active, (std::vector<char>{1, 1, 0}));
+  EXPECT_NE(result.reason[2].find("40 % of the keyframes"), std::string::npos) << result.reason[2];
+  EXPECT_EQ(result.forest.edges, (std::vector<int>{0, 1}));
+}
+
+TEST(CycleConsistency, CreditIsAskedOfEdgesInDisputeOnly) {
+  const World w(3);
+  const auto credit = [](int) -> double {
+    ADD_FAILURE() << "all cycles are consistent";
+    return 1;
+  };
+  FindConsistentForest(3, {w.Edge(0, 1, 9), w.Edge(1, 2, 8), w.Edge(0, 2, 3)}, {}, credit);
+}
+
 TEST(CycleConsistency, DisagreementWithinAnEdgesOwnUncertaintyIsTolerated) {
   const World w(3);
   CycleEdge loose = w.Edge(0, 2, 3, {30, 0, 0});

@@ -75,5 +75,27 @@ TEST(Simulator, AliasedLandRepeatsExactly) {
   EXPECT_LT(largest, 1e-3);
 }
 
+TEST(Simulator, TwinLooksTheSameASecondTimeAndNothingElseDoes) {
+  Scenario scenario = Small();
+  AerialOptions& aerial = scenario.scene.aerial;
+  aerial.relief = 0;
+  aerial.houses = 0;
+  aerial.twin = {aerial.x0 + 10, aerial.y0 + 10, aerial.x0 + 60, aerial.y0 + 20, 30};
+  Simulator simulator(scenario, kData, 2);
+  const Scene& scene = simulator.GetScene();
+  const auto difference = [&](double x, double y) {
+    const Eigen::Vector3d a(aerial.x0 + x, aerial.y0 + y, 100), b = a + Eigen::Vector3d(50, 10, 0), down(0, 0, -1);
+    const Hit hit_a = scene.Cast(a, down), hit_b = scene.Cast(b, down);
+    return std::abs(hit_a.distance - hit_b.distance);
+  };
+  double inside = 0, outside = 0;
+  for (double step = 0; step < 28; step += 0.37) {
+    inside = std::max(inside, difference(11 + step, 38 - step));
+    outside = std::max(outside, difference(11 + step, 41 + step / 3));
+  }
+  EXPECT_LT(inside, 1e-3);
+  EXPECT_GT(outside, 0.1);
+}
+
 }  // namespace
 }  // namespace mapmend::simulate
