@@ -13,6 +13,7 @@ namespace {
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr int kMinInliers = 6;
+constexpr double kMinDecrease = 1e-6;  // of the cost, or no further step is made
 
 double HuberCost(double chi2, double delta) {
   if (delta <= 0 || chi2 <= delta * delta) return chi2;
@@ -89,7 +90,7 @@ PoseOptimizationResult OptimizePose(const Pinhole& camera, const Rigid3& initial
     for (int iteration = 0; iteration < options.iterations_per_round; ++iteration) {
       const System system = Linearize(camera, pose, observations, use, delta);
       bool improved = false;
-      double step_norm = 0;
+      double decrease = 0;
       for (int attempt = 0; attempt < 5 && !improved; ++attempt) {
         Matrix6 damped = system.hessian;
         damped.diagonal() *= 1 + lambda;
@@ -98,16 +99,17 @@ PoseOptimizationResult OptimizePose(const Pinhole& camera, const Rigid3& initial
         const Vector6d step = ldlt.solve(-system.gradient);
         if (!step.allFinite()) break;
         const Rigid3 candidate = Moved(pose, step);
-        if (Cost(camera, candidate, observations, use, delta) < system.cost) {
+        const double cost = Cost(camera, candidate, observations, use, delta);
+        if (cost < system.cost) {
           pose = candidate;
           lambda = std::max(1e-9, lambda / 10);
-          step_norm = step.norm();
+          decrease = system.cost - cost;
           improved = true;
         } else {
           lambda *= 10;
         }
       }
-      if (!improved || step_norm < 1e-8) break;
+      if (!improved || decrease < kMinDecrease * system.cost) break;
     }
     result.num_inliers = 0;
     for (size_t i = 0; i < observations.size(); ++i) {

@@ -11,6 +11,7 @@ namespace mapmend {
 namespace {
 
 constexpr double kMinRayAngleCos = 0.99999;  // 0.26 degrees: nearer to parallel a point has no usable depth
+constexpr int kBundlePoints = 150;           // of an image determine the motion in bundle adjustment
 constexpr double kSameRotationRad = 0.02, kSameDirectionRad = 0.15;
 
 struct Judged {
@@ -63,6 +64,7 @@ Judged Refine(const Pinhole& camera, const MatchedPixels& matches, Judged judged
     }
     BundleOptions options;
     options.max_iterations = 15;
+    options.points_per_pose = kBundlePoints;
     if (!AdjustBundle(options, &problem).success) break;
     Rigid3 motion = problem.poses[1].cam_from_world;
     const double length = motion.translation.norm();

@@ -1,6 +1,7 @@
 #include "procs/frontend/working_map.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 namespace mapmend {
@@ -158,19 +159,22 @@ std::vector<int> WorkingMap::PointsOf(int keyframe) const {
 }
 
 std::vector<int> WorkingMap::PointsOf(const std::vector<int>& keyframes) const {
-  std::vector<uint8_t> seen(points_.size(), 0);
+  constexpr size_t kBits = 64;
+  std::vector<uint64_t> seen(points_.size() / kBits + 1, 0);
   size_t count = 0;
   for (const int k : keyframes) {
     for (const int p : keyframes_[k].frame->points) {
-      if (p < 0 || seen[p]) continue;
-      seen[p] = 1;
-      ++count;
+      if (p < 0) continue;
+      uint64_t& word = seen[static_cast<size_t>(p) / kBits];
+      const uint64_t bit = uint64_t{1} << (static_cast<size_t>(p) % kBits);
+      count += (word & bit) == 0;
+      word |= bit;
     }
   }
   std::vector<int> points;
   points.reserve(count);
-  for (size_t p = 0; p < seen.size(); ++p) {
-    if (seen[p]) points.push_back(static_cast<int>(p));
+  for (size_t i = 0; i < seen.size(); ++i) {
+    for (uint64_t word = seen[i]; word != 0; word &= word - 1) points.push_back(static_cast<int>(i * kBits) + std::countr_zero(word));
   }
   return points;
 }
