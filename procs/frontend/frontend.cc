@@ -23,6 +23,23 @@ Rigid3 Extrapolate(const Rigid3& before, const Rigid3& last, double time_ratio) 
   return Rigid3(turn, time_ratio * motion.translation) * last;
 }
 
+// Holds a lock in its scope, if there is anything to lock.
+class Locked {
+ public:
+  explicit Locked(MapLock* lock) : lock_(lock->mutex() != nullptr ? lock : nullptr) {
+    const StageTimer timer(lock_ != nullptr ? "track/map_lock" : nullptr);
+    if (lock_ != nullptr) lock_->lock();
+  }
+  ~Locked() {
+    if (lock_ != nullptr && lock_->owns_lock()) lock_->unlock();
+  }
+  Locked(const Locked&) = delete;
+  Locked& operator=(const Locked&) = delete;
+
+ private:
+  MapLock* lock_;
+};
+
 }  // namespace
 
 Frontend::Frontend(const FrontendOptions& options, const Pinhole& camera, const Pyramid& pyramid,
@@ -34,12 +51,17 @@ Frontend::Frontend(const FrontendOptions& options, const Pinhole& camera, const 
       emit_(std::move(emit)),
       initializer_(options.initializer, camera, pyramid),
       tracker_(options.tracker, camera, pyramid),
-      mapper_(options.mapper, camera, pyramid) {}
+      mapper_(options.mapper, camera, pyramid) {
+  if (!options.mapping_thread) return;
+  mapping_ = std::make_unique<MappingThread>([this](int keyframe, MapLock* lock) { MapKeyframe(keyframe, lock); });
+  lock_ = MapLock(mapping_->Mutex(), std::defer_lock);
+}
 
 FrameOutcome Frontend::ProcessFrame(const FramePtr& frame) {
   frame->points.assign(frame->features.Size(), -1);
-  const StageTimer timer("track+map/frame");
+  const StageTimer timer(mapping_ ? "track/frame" : "track+map/frame");
   const auto begin = std::chrono::steady_clock::now();
+  const Locked locked(&lock_);
   mapping_s_ = 0;
   FrameOutcome outcome = map_ ? TrackFrame(frame) : Initialise(frame);
   outcome.mapping_s = mapping_s_;
@@ -168,6 +190,7 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
       NoteFrame(*frame, result.reference_keyframe);
     }
     if (!confirmed_ && frames_since_start_ >= options_.confirm_frames) {
+      WaitForMapping();
       confirmed_ = true;
       initializer_.Clear();
       Publish(frame->utime);
@@ -213,6 +236,9 @@ std::string Frontend::ExplainFailure(const Frame& frame, const std::string& trac
 }
 
 bool Frontend::NeedsKeyframe(const Frame& frame, const TrackResult& result) const {
+  // A keyframe at hand may bring the points that are lacking: only one without which the submap might be lost joins it.
+  const bool urgent = result.num_inliers < 2 * options_.tracker.min_inliers;
+  if (mapping_ && mapping_->NumUnfinished() > 0 && !urgent) return false;
   const Frame& key = *map_->Keyframe(result.reference_keyframe).frame;
   // Points that only two keyframes saw are often not found again, through no fault of this frame's.
   const size_t solid_observations = map_->LastKeyframe() < 3 ? 2 : 3;
@@ -233,11 +259,32 @@ bool Frontend::NeedsKeyframe(const Frame& frame, const TrackResult& result) cons
 void Frontend::InsertKeyframe(const FramePtr& frame) {
   last_keyframe_ = map_->AddKeyframe(frame);
   last_reference_ = last_keyframe_;
+  NoteFrame(*frame, last_keyframe_);
+  if (mapping_) {
+    mapping_->Push(last_keyframe_);
+    WaitForMapping(static_cast<size_t>(options_.max_unmapped_keyframes));
+    return;
+  }
   const auto begin = std::chrono::steady_clock::now();
   mapper_.Process(last_keyframe_, map_.get());
-  NoteFrame(*frame, last_keyframe_);
   Publish(frame->utime);
   mapping_s_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+// In the mapping thread.
+void Frontend::MapKeyframe(int keyframe, MapLock* lock) {
+  const StageTimer timer("map/keyframe");
+  const int64_t utime = map_->Keyframe(keyframe).frame->utime;
+  mapper_.Process(keyframe, map_.get(), lock);
+  auto records = TakeRecords(utime, keyframe);
+  lock->unlock();
+  EmitRecords(std::move(records));
+  lock->lock();
+}
+
+void Frontend::WaitForMapping(size_t unfinished_keyframes) {
+  const StageTimer timer(mapping_ ? "track/map_backlog" : nullptr);
+  if (mapping_) mapping_->WaitUntilLeft(unfinished_keyframes, &lock_);
 }
 
 void Frontend::NoteFrame(const Frame& frame, int reference_keyframe) {
@@ -248,6 +295,7 @@ void Frontend::NoteFrame(const Frame& frame, int reference_keyframe) {
 }
 
 void Frontend::AbandonSubmap() {
+  WaitForMapping();
   num_tracked_ -= static_cast<int>(tracked_frames_.size());
   tracked_frames_.clear();
   ids_.next_submap = map_->Id().value;
@@ -263,6 +311,7 @@ void Frontend::AbandonSubmap() {
 }
 
 void Frontend::CloseSubmap(const std::string& reason, const std::string& detail) {
+  WaitForMapping();
   const int64_t utime = last_frame_->utime;
   Publish(utime);
   emit_(utime, SubmapEnded{map_->Id(), reason, detail, last_frame_->index, utime});
@@ -273,11 +322,11 @@ void Frontend::CloseSubmap(const std::string& reason, const std::string& detail)
   lost_.clear();
 }
 
-void Frontend::Publish(int64_t utime) {
-  const StageTimer timer("map/publish");
-  if (!confirmed_) return;
-  if (first_unpublished_keyframe_ == 0) emit_(map_->Keyframe(0).frame->utime, SubmapStarted{map_->Id()});
-  for (; first_unpublished_keyframe_ <= map_->LastKeyframe(); ++first_unpublished_keyframe_) {
+std::vector<std::pair<int64_t, RecordBody>> Frontend::TakeRecords(int64_t utime, int last_keyframe) {
+  std::vector<std::pair<int64_t, RecordBody>> records;
+  if (!confirmed_) return records;
+  if (first_unpublished_keyframe_ == 0) records.emplace_back(map_->Keyframe(0).frame->utime, SubmapStarted{map_->Id()});
+  for (; first_unpublished_keyframe_ <= last_keyframe; ++first_unpublished_keyframe_) {
     const int k = first_unpublished_keyframe_;
     const WorkingKeyframe& keyframe = map_->Keyframe(k);
     if (keyframe.removed) continue;
@@ -288,29 +337,45 @@ void Frontend::Publish(int64_t utime) {
     record.cam_from_submap = keyframe.frame->cam_from_submap;
     record.features = keyframe.frame->features;
     record.map_points = map_->PublishedPoints(k);
-    if (vocabulary_ != nullptr) {
-      BowTransform transform = vocabulary_->Transform(record.features);
-      record.words = std::move(transform.words);
-      record.nodes = std::move(transform.nodes);
-      record.bow = std::move(transform.bow);
-    } else {
-      record.words.assign(record.features.Size(), -1);
-      record.nodes.assign(record.features.Size(), -1);
-    }
     map_->MarkPublished(k);
-    emit_(keyframe.frame->utime, std::move(record));
+    records.emplace_back(keyframe.frame->utime, std::move(record));
   }
   MapUpdate update = map_->TakeUpdate();
-  update.frames = std::move(tracked_frames_);
-  tracked_frames_.clear();
-  if (update.keyframes.empty() && update.points.empty() && update.observations.empty() && update.removed_keyframes.empty() &&
-      update.removed_points.empty() && update.frames.empty()) {
-    return;
+  // Frames that refer to a keyframe that is not in the map yet follow with it.
+  const KeyframeId last_published = map_->Keyframe(first_unpublished_keyframe_ - 1).id;
+  const auto later = std::stable_partition(tracked_frames_.begin(), tracked_frames_.end(),
+                                           [&](const TrackedFrame& f) { return !(last_published < f.keyframe); });
+  update.frames.assign(tracked_frames_.begin(), later);
+  tracked_frames_.erase(tracked_frames_.begin(), later);
+  if (!update.keyframes.empty() || !update.points.empty() || !update.observations.empty() || !update.removed_keyframes.empty() ||
+      !update.removed_points.empty() || !update.frames.empty()) {
+    records.emplace_back(utime, std::move(update));
   }
-  emit_(utime, std::move(update));
+  return records;
 }
 
+void Frontend::EmitRecords(std::vector<std::pair<int64_t, RecordBody>> records) {
+  const StageTimer timer("map/publish");
+  for (auto& [utime, body] : records) {
+    if (auto* keyframe = std::get_if<KeyframeRecord>(&body)) {
+      if (vocabulary_ != nullptr) {
+        BowTransform transform = vocabulary_->Transform(keyframe->features);
+        keyframe->words = std::move(transform.words);
+        keyframe->nodes = std::move(transform.nodes);
+        keyframe->bow = std::move(transform.bow);
+      } else {
+        keyframe->words.assign(keyframe->features.Size(), -1);
+        keyframe->nodes.assign(keyframe->features.Size(), -1);
+      }
+    }
+    emit_(utime, std::move(body));
+  }
+}
+
+void Frontend::Publish(int64_t utime) { EmitRecords(TakeRecords(utime, map_->LastKeyframe())); }
+
 void Frontend::Finish() {
+  const Locked locked(&lock_);
   if (!map_) return;
   if (!confirmed_) {
     AbandonSubmap();

@@ -4,12 +4,14 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "libs/geometry/camera.h"
 #include "libs/mapping/records.h"
 #include "procs/frontend/initializer.h"
 #include "procs/frontend/local_mapper.h"
+#include "procs/frontend/mapping_thread.h"
 #include "procs/frontend/tracker.h"
 
 namespace mapmend {
@@ -26,6 +28,8 @@ struct FrontendOptions {
   int comfortable_inliers = 100;    // or fewer than this
   double keyframe_angle_deg = 3;    // or when the points are seen under an angle that differs by this much (median)
   int confirm_frames = 2;           // frames that must be tracked in a new submap before it is believed
+  bool mapping_thread = false;      // keyframes join the map while tracking goes on: fast, but the map depends on timing
+  int max_unmapped_keyframes = 2;   // with mapping_thread: when more are not finished, tracking waits
 };
 
 enum class FrontendState { kInitialising, kTracking, kLost };
@@ -38,11 +42,12 @@ struct FrameOutcome {
   bool keyframe = false;
   SubmapId submap;
   Rigid3 cam_from_submap;
-  double tracking_s = 0, mapping_s = 0;  // time spent
+  double tracking_s = 0, mapping_s = 0;  // time spent; with a mapping thread, what tracking waited for it is in tracking_s
 };
 
 // Tracking, mapping and the life of submaps (paper §3.1, §3.2), without input or transport: frames go in in order, records of
-// the stream come out through emit. Deterministic: equal frames and options give equal records.
+// the stream come out through emit. Deterministic: equal frames and options give equal records, unless mapping has a thread of its
+// own; then emit is called from that thread too, never from both at a time.
 class Frontend {
  public:
   using Emit = std::function<void(int64_t utime, RecordBody body)>;
@@ -50,6 +55,7 @@ class Frontend {
   Frontend(const FrontendOptions& options, const Pinhole& camera, const Pyramid& pyramid, const Vocabulary* vocabulary,
            Emit emit);
 
+  // With a mapping thread, throws what that threw.
   FrameOutcome ProcessFrame(const FramePtr& frame);
   // Closes the current submap at the end of the input.
   void Finish();
@@ -66,9 +72,14 @@ class Frontend {
   std::string ExplainFailure(const Frame& frame, const std::string& tracker_reason) const;
   bool NeedsKeyframe(const Frame& frame, const TrackResult& result) const;
   void InsertKeyframe(const FramePtr& frame);
+  void MapKeyframe(int keyframe, MapLock* lock);
+  void WaitForMapping(size_t unfinished_keyframes = 0);
   void CloseSubmap(const std::string& reason, const std::string& detail);
   void AbandonSubmap();
   void NoteFrame(const Frame& frame, int reference_keyframe);
+  // What is to be published up to a keyframe, which may still lack words; then words and emission, for which the map is not needed.
+  std::vector<std::pair<int64_t, RecordBody>> TakeRecords(int64_t utime, int last_keyframe);
+  void EmitRecords(std::vector<std::pair<int64_t, RecordBody>> records);
   void Publish(int64_t utime);
   std::optional<Rigid3> Predict(int64_t utime) const;
 
@@ -95,6 +106,8 @@ class Frontend {
   std::vector<TrackedFrame> tracked_frames_;  // not yet published
   int num_tracked_ = 0, num_losses_ = 0;
   double mapping_s_ = 0;                     // of the current frame
+  MapLock lock_;                             // while a frame is processed
+  std::unique_ptr<MappingThread> mapping_;   // null: keyframes join the map in ProcessFrame. Ends before the rest does
 };
 
 }  // namespace mapmend

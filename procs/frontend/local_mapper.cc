@@ -37,7 +37,7 @@ class SegmentTest {
 
 }  // namespace
 
-void LocalMapper::Process(int keyframe, WorkingMap* map) const {
+void LocalMapper::Process(int keyframe, WorkingMap* map, MapLock* lock) const {
   CullRecentPoints(keyframe, map);
   for (const int p : map->PointsOf(keyframe)) map->RefreshPoint(p);
   std::vector<int> neighbours;
@@ -45,13 +45,14 @@ void LocalMapper::Process(int keyframe, WorkingMap* map) const {
     if (static_cast<int>(neighbours.size()) >= options_.num_neighbours) break;
     neighbours.push_back(c.keyframe);
   }
+  GiveWay(lock);
   FuseWithOverlapping(keyframe, neighbours, map);
-  Triangulate(keyframe, neighbours, map);
-  FuseNeighbourhood(keyframe, neighbours, map);
-  AdjustLocal(keyframe, map);
+  Triangulate(keyframe, neighbours, map, lock);
+  FuseNeighbourhood(keyframe, neighbours, map, lock);
+  AdjustLocal(keyframe, map, lock);
 }
 
-void LocalMapper::FuseNeighbourhood(int keyframe, const std::vector<int>& neighbours, WorkingMap* map) const {
+void LocalMapper::FuseNeighbourhood(int keyframe, const std::vector<int>& neighbours, WorkingMap* map, MapLock* lock) const {
   const StageTimer timer("map/fuse");
   // Fuse with the neighbours and with theirs.
   std::vector<int> targets = neighbours;
@@ -65,7 +66,10 @@ void LocalMapper::FuseNeighbourhood(int keyframe, const std::vector<int>& neighb
     }
   }
   const std::vector<int> own = map->PointsOf(keyframe);
-  for (const int k : targets) FuseInto(k, own, options_.fuse_radius_px, map);
+  for (const int k : targets) {
+    FuseInto(k, own, options_.fuse_radius_px, map);
+    GiveWay(lock);
+  }
   FuseInto(keyframe, map->PointsOf(targets), options_.fuse_radius_px, map);
   for (const int p : map->PointsOf(keyframe)) map->RefreshPoint(p);
 }
@@ -83,7 +87,7 @@ void LocalMapper::CullRecentPoints(int keyframe, WorkingMap* map) const {
   }
 }
 
-void LocalMapper::Triangulate(int keyframe, const std::vector<int>& neighbours, WorkingMap* map) const {
+void LocalMapper::Triangulate(int keyframe, const std::vector<int>& neighbours, WorkingMap* map, MapLock* lock) const {
   const StageTimer timer("map/triangulate");
   const Frame& frame = *map->Keyframe(keyframe).frame;
   std::vector<double> depths;
@@ -98,6 +102,7 @@ void LocalMapper::Triangulate(int keyframe, const std::vector<int>& neighbours, 
         (map->Keyframe(neighbour).frame->cam_from_submap.Center() - frame.cam_from_submap.Center()).norm();
     if (baseline < 0.01 * depths[depths.size() / 2]) continue;
     TriangulateWith(keyframe, neighbour, near, far, map);
+    GiveWay(lock);
   }
 }
 
@@ -299,7 +304,7 @@ void LocalMapper::FuseWithOverlapping(int keyframe, const std::vector<int>& neig
   }
 }
 
-void LocalMapper::AdjustLocal(int keyframe, WorkingMap* map) const {
+void LocalMapper::AdjustLocal(int keyframe, WorkingMap* map, MapLock* lock) const {
   const StageTimer timer("map/bundle");
   std::vector<int> free = {keyframe};
   for (const Covisible& c : map->CovisibleKeyframes(keyframe, options_.min_covisible)) {
@@ -326,7 +331,7 @@ void LocalMapper::AdjustLocal(int keyframe, WorkingMap* map) const {
     fixed.push_back(free.front());
     free.erase(free.begin());
   }
-  Adjust(free, fixed, options_.bundle_iterations, map);
+  Adjust(free, fixed, options_.bundle_iterations, map, lock);
 }
 
 void LocalMapper::AdjustAll(WorkingMap* map) const {
@@ -335,11 +340,11 @@ void LocalMapper::AdjustAll(WorkingMap* map) const {
     if (map->Keyframe(k).removed) continue;
     (fixed.empty() ? fixed : free).push_back(k);
   }
-  Adjust(free, fixed, 20, map);
+  Adjust(free, fixed, 20, map, nullptr);
 }
 
 void LocalMapper::Adjust(const std::vector<int>& free_keyframes, const std::vector<int>& fixed_keyframes, int iterations,
-                         WorkingMap* map) const {
+                         WorkingMap* map, MapLock* lock) const {
   BundleProblem problem;
   problem.cameras = {camera_};
   std::vector<int> pose_of(map->Keyframes().size(), -1), keyframe_of;
@@ -377,7 +382,10 @@ void LocalMapper::Adjust(const std::vector<int>& free_keyframes, const std::vect
   BundleOptions bundle_options;
   bundle_options.max_iterations = iterations;
   bundle_options.points_per_pose = options_.bundle_points;
-  if (!AdjustBundle(bundle_options, &problem).success) return;
+  if (lock != nullptr) lock->unlock();
+  const bool success = AdjustBundle(bundle_options, &problem).success;
+  if (lock != nullptr) lock->lock();
+  if (!success) return;
   for (size_t i = 0; i < problem.poses.size(); ++i) {
     if (!problem.poses[i].fixed) map->SetPose(keyframe_of[i], problem.poses[i].cam_from_world);
   }

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "libs/geometry/camera.h"
+#include "procs/frontend/map_lock.h"
 #include "procs/frontend/working_map.h"
 
 namespace mapmend {
@@ -24,28 +25,30 @@ struct LocalMapperOptions {
 };
 
 // What happens to the map when a keyframe joins: new points are triangulated with its neighbours, duplicates fused, the
-// neighbourhood bundle adjusted, bad points culled. Runs in one thread, so that equal input gives equal maps.
+// neighbourhood bundle adjusted, bad points culled. Equal maps and calls give equal maps.
 class LocalMapper {
  public:
   LocalMapper(const LocalMapperOptions& options, const Pinhole& camera, const Pyramid& pyramid)
       : options_(options), camera_(camera), pyramid_(pyramid) {}
 
-  void Process(int keyframe, WorkingMap* map) const;
+  // lock: given back between steps and while bundle adjustment computes; meanwhile keyframes may join the map, nothing may leave it.
+  // Null: nobody else uses the map.
+  void Process(int keyframe, WorkingMap* map, MapLock* lock = nullptr) const;
   // Bundle adjustment of all keyframes, for a submap that has just begun.
   void AdjustAll(WorkingMap* map) const;
 
  private:
   void CullRecentPoints(int keyframe, WorkingMap* map) const;
-  void Triangulate(int keyframe, const std::vector<int>& neighbours, WorkingMap* map) const;
+  void Triangulate(int keyframe, const std::vector<int>& neighbours, WorkingMap* map, MapLock* lock) const;
   int TriangulateWith(int keyframe, int neighbour, double near, double far, WorkingMap* map) const;
   // Projects points into a keyframe; adds observations or fuses with what is there. Returns how many.
   int FuseInto(int keyframe, const std::vector<int>& points, double radius_px, WorkingMap* map) const;
   // Both ways, with the neighbours and with theirs.
-  void FuseNeighbourhood(int keyframe, const std::vector<int>& neighbours, WorkingMap* map) const;
+  void FuseNeighbourhood(int keyframe, const std::vector<int>& neighbours, WorkingMap* map, MapLock* lock) const;
   void FuseWithOverlapping(int keyframe, const std::vector<int>& neighbours, WorkingMap* map) const;
   void Adjust(const std::vector<int>& free_keyframes, const std::vector<int>& fixed_keyframes, int iterations,
-              WorkingMap* map) const;
-  void AdjustLocal(int keyframe, WorkingMap* map) const;
+              WorkingMap* map, MapLock* lock) const;
+  void AdjustLocal(int keyframe, WorkingMap* map, MapLock* lock) const;
 
   LocalMapperOptions options_;
   Pinhole camera_;

@@ -31,7 +31,7 @@ class Profiler {
   std::map<std::string, std::vector<double>> samples_;
 };
 
-// Adds the time until the end of its scope.
+// Adds the time until the end of its scope. Null: measures nothing.
 class StageTimer {
  public:
   explicit StageTimer(const char* stage) : stage_(Profiler::Global().Enabled() ? stage : nullptr) {

@@ -179,6 +179,7 @@ int RunFrontend(const RunOptions& options) {
   StreamSender sender(&bus, session, sender_options);
   FrontendOptions frontend_options = options.frontend;
   frontend_options.initializer.seed = frontend_options.tracker.seed = options.seed;
+  frontend_options.mapping_thread = options.mode != InputMode::kLockstep;
   const Pyramid pyramid{orb.scale_factor, orb.num_levels};
   Frontend frontend(frontend_options, camera.Ideal(), pyramid, &vocabulary,
                     [&](int64_t utime, RecordBody body) { sender.Append(utime, std::move(body)); });

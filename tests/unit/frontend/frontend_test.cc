@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <stdexcept>
+
 #include "libs/mapping/submap.h"
 #include "tests/unit/frontend/synthetic_flight.h"
 
@@ -10,21 +12,30 @@ namespace {
 
 // Runs the frontend and applies its records to the read model that everything downstream uses.
 struct Replay {
-  explicit Replay(const SyntheticScene& scene)
-      : frontend({}, scene.Camera(), {}, nullptr, [this](int64_t utime, RecordBody body) {
+  explicit Replay(const SyntheticScene& scene, bool mapping_thread = false)
+      : frontend(Options(mapping_thread), scene.Camera(), {}, nullptr, [this](int64_t utime, RecordBody body) {
           const std::string error = session.Apply({{"test", next_seq++, utime}, std::move(body)});
           EXPECT_EQ(error, "");
         }) {
     EXPECT_EQ(session.Apply({{"test", next_seq++, 0}, SessionStarted{}}), "");
+  }
+  static FrontendOptions Options(bool mapping_thread) {
+    FrontendOptions options;
+    options.mapping_thread = mapping_thread;
+    return options;
   }
   int64_t next_seq = 0;
   Session session;
   Frontend frontend;
 };
 
-TEST(Frontend, StraightFlightBecomesOneAccurateSubmap) {
+// Whether keyframes join the map before the next frame, or meanwhile.
+class FrontendThreads : public ::testing::TestWithParam<bool> {};
+INSTANTIATE_TEST_SUITE_P(MappingThread, FrontendThreads, ::testing::Bool());
+
+TEST_P(FrontendThreads, StraightFlightBecomesOneAccurateSubmap) {
   SyntheticScene scene(12000, -1.5, 6, 0.1, 1);
-  Replay run(scene);
+  Replay run(scene, GetParam());
   std::vector<Rigid3> truth;
   for (int i = 0; i < 30; ++i) {
     truth.push_back(NadirPose(0.12 * i, 0.02 * (i % 3), 0.03 * (i % 2)));
@@ -46,9 +57,9 @@ TEST(Frontend, StraightFlightBecomesOneAccurateSubmap) {
   }
 }
 
-TEST(Frontend, LossClosesTheSubmapAndTheNextBeginsWithTheFirstLostFrame) {
+TEST_P(FrontendThreads, LossClosesTheSubmapAndTheNextBeginsWithTheFirstLostFrame) {
   SyntheticScene scene(30000, -2, 14, 0.1, 2);
-  Replay run(scene);
+  Replay run(scene, GetParam());
   int index = 0;
   for (int i = 0; i < 12; ++i) run.frontend.ProcessFrame(scene.View(NadirPose(0.12 * i, 0), index++));
   for (int i = 0; i < 12; ++i) run.frontend.ProcessFrame(scene.View(NadirPose(8 + 0.12 * i, 8), index++));
@@ -60,10 +71,10 @@ TEST(Frontend, LossClosesTheSubmapAndTheNextBeginsWithTheFirstLostFrame) {
   EXPECT_EQ(run.session.submaps.rbegin()->second.frames.size(), 12u);
 }
 
-TEST(Frontend, ShortBlackoutContinuesTheSameSubmap) {
+TEST_P(FrontendThreads, ShortBlackoutContinuesTheSameSubmap) {
   SyntheticScene scene(12000, -1.5, 6, 0.1, 3);
   SyntheticScene nothing(10, -1.5, 6, 0.1, 4);
-  Replay run(scene);
+  Replay run(scene, GetParam());
   for (int i = 0; i < 25; ++i) {
     const bool blind = i >= 12 && i < 15;
     run.frontend.ProcessFrame((blind ? nothing : scene).View(NadirPose(0.06 * i, 0), i));
@@ -71,6 +82,20 @@ TEST(Frontend, ShortBlackoutContinuesTheSameSubmap) {
   run.frontend.Finish();
   EXPECT_EQ(run.session.submaps.size(), 1u);
   EXPECT_EQ(run.session.submaps.begin()->second.frames.size(), 22u);
+}
+
+TEST(Frontend, WhatCannotBeEmittedInTheMappingThreadIsToldToTheCaller) {
+  SyntheticScene scene(12000, -1.5, 6, 0.1, 6);
+  int records = 0;
+  Frontend frontend(Replay::Options(true), scene.Camera(), {}, nullptr, [&](int64_t, RecordBody) {
+    if (++records > 8) throw std::runtime_error("disk full");
+  });
+  EXPECT_THROW(
+      {
+        for (int i = 0; i < 30; ++i) frontend.ProcessFrame(scene.View(NadirPose(0.12 * i, 0), i));
+        frontend.Finish();
+      },
+      std::runtime_error);
 }
 
 TEST(Frontend, EqualInputGivesEqualRecords) {
