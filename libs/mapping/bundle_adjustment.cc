@@ -78,6 +78,7 @@ BundleSummary AdjustBundle(const BundleOptions& options, BundleProblem* problem)
   solver_options.linear_solver_ordering = ordering;
   solver_options.max_num_iterations = options.max_iterations;
   solver_options.function_tolerance = options.function_tolerance;
+  solver_options.initial_trust_region_radius = options.initial_trust_radius;
   solver_options.num_threads = 1;
   solver_options.logging_type = ceres::SILENT;
   if (options.max_seconds > 0) solver_options.max_solver_time_in_seconds = options.max_seconds;

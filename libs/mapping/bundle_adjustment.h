@@ -35,6 +35,7 @@ struct BundleOptions {
   double huber = 2.4477;             // sqrt of chi2(2 dof, 95 %): in units of sigma
   double function_tolerance = 1e-5;
   int points_per_pose = 0;           // 0: all. Else poses follow from about so many points each, and the other points from the poses
+  double initial_trust_radius = 1e4; // of Levenberg-Marquardt: larger, and the first steps are those of Gauss-Newton
   double max_seconds = 0;            // 0: no bound. A bound makes the result depend on the machine: live use only.
 };
 

@@ -79,9 +79,10 @@ std::vector<char> SelectPoints(const MergedMap& map, int per_keyframe) {
   return selected;
 }
 
-int RemoveOutliers(double max_squared_error, MergedMap* map) {
+int RemoveOutliers(double max_squared_error, const std::vector<char>& among, MergedMap* map) {
   int removed = 0;
   for (size_t i = 0; i < map->points.size(); ++i) {
+    if (!among[i]) continue;
     const std::vector<TrackElement> track = map->points[i].track;
     for (const TrackElement& e : track) {
       if (map->SquaredError(map->points[i], e) <= max_squared_error) continue;
@@ -124,17 +125,26 @@ void MeasureScales(MergedMap* map) {
   }
 }
 
-MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMap* map) {
+MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMap* map, const std::vector<int>* window) {
   MergedBundleSummary summary;
+  std::vector<char> is_free(map->keyframes.size(), window == nullptr), is_touched(map->points.size(), window == nullptr);
+  if (window) {
+    for (const int k : *window) is_free[k] = 1;
+    for (size_t i = 0; i < is_touched.size(); ++i) {
+      const auto& track = map->points[i].track;
+      is_touched[i] = std::any_of(track.begin(), track.end(), [&](const TrackElement& e) { return is_free[e.keyframe]; });
+    }
+  }
+  is_free[0] = 0;
   const std::vector<char> selected = SelectPoints(*map, options.points_per_keyframe);
   BundleProblem problem;
   for (const SubmapView& submap : map->submaps) problem.cameras.push_back(submap.camera);
   for (size_t k = 0; k < map->keyframes.size(); ++k) {
-    problem.poses.push_back({map->keyframes[k].cam_from_root, k == 0, map->keyframes[k].submap});
+    problem.poses.push_back({map->keyframes[k].cam_from_root, !is_free[k], map->keyframes[k].submap});
   }
   std::vector<int> index;
   for (size_t i = 0; i < map->points.size(); ++i) {
-    if (!selected[i]) continue;
+    if (!selected[i] || !is_touched[i]) continue;
     for (const TrackElement& e : map->points[i].track) {
       const Keypoint& keypoint = map->keyframes[e.keyframe].keyframe->features.keypoints[e.feature];
       problem.observations.push_back({e.keyframe, static_cast<int>(index.size()), keypoint.pixel.cast<double>(),
@@ -152,14 +162,16 @@ MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMa
   summary.final_cost = bundle.final_cost;
   if (!bundle.success) return summary;
   const std::vector<MergedKeyframe> before = map->keyframes;
-  for (size_t k = 0; k < map->keyframes.size(); ++k) map->keyframes[k].cam_from_root = problem.poses[k].cam_from_world;
+  for (size_t k = 0; k < map->keyframes.size(); ++k) {
+    if (is_free[k]) map->keyframes[k].cam_from_root = problem.poses[k].cam_from_world;
+  }
   // Points left out move with their keyframes first, then each finds its own place.
   std::vector<char> others(map->points.size(), 0);
-  for (size_t i = 0; i < others.size(); ++i) others[i] = !selected[i];
+  for (size_t i = 0; i < others.size(); ++i) others[i] = is_touched[i] && !selected[i];
   MovePointsWithKeyframes(before, map);
   for (size_t i = 0; i < index.size(); ++i) map->points[index[i]].position = problem.points[i];
   RefinePoints(map, &others);
-  summary.num_removed = RemoveOutliers(options.outlier_squared_error, map);
+  summary.num_removed = RemoveOutliers(options.outlier_squared_error, is_touched, map);
   MeasureScales(map);
   return summary;
 }

@@ -21,9 +21,10 @@ struct MergedBundleSummary {
   double initial_cost = 0, final_cost = 0;
 };
 
-// Bundle adjustment of a merged map: all poses but keyframe 0, all points. Then outliers are removed, points left with fewer
+// Bundle adjustment of a merged map: all poses but keyframe 0, all points. With a window (keyframes), the poses of its keyframes and
+// the points they see; everything else stays. Then outliers are removed, points left with fewer
 // than two observations are culled, and each keyframe's scale is measured anew.
-MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMap* map);
+MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMap* map, const std::vector<int>* window = nullptr);
 
 // Fits every point to the poses as they are (Gauss-Newton, Huber); a point that would end behind a camera stays.
 void RefinePoints(MergedMap* map, const std::vector<char>* only = nullptr);

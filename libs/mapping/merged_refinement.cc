@@ -34,6 +34,55 @@ std::vector<PoseGraphEdge> Relations(const MergedMap& map, const std::vector<Ref
   return edges;
 }
 
+PoseGraphSummary SolvePoseGraph(const std::vector<PoseGraphEdge>& edges, const PoseGraphOptions& options, MergedMap* map) {
+  std::vector<Similarity3> vertices;
+  for (const MergedKeyframe& k : map->keyframes) vertices.push_back(k.RootFromCam());
+  const PoseGraphSummary summary = OptimizePoseGraph(edges, 0, options, &vertices);
+  if (!summary.success) return summary;
+  const std::vector<MergedKeyframe> before = map->keyframes;
+  for (size_t k = 0; k < vertices.size(); ++k) {
+    map->keyframes[k].scale = vertices[k].scale;
+    map->keyframes[k].cam_from_root = Rigid3(vertices[k].rotation, vertices[k].translation).Inverse();
+  }
+  MovePointsWithKeyframes(before, map);
+  return summary;
+}
+
+void AppendOverlaps(const MergedMap& map, const std::vector<OverlapRelation>& relations, std::vector<PoseGraphEdge>* edges) {
+  for (const OverlapRelation& r : relations) {
+    const MergedKeyframe &from = map.keyframes[r.from], &to = map.keyframes[r.to];
+    PoseGraphEdge edge;
+    edge.a = r.from;
+    edge.b = r.to;
+    edge.b_from_a = to.RootFromCam().Inverse() * r.to_from_from * from.RootFromCam();
+    edge.sigma_rotation = 0.005;
+    edge.sigma_translation = 0.01 * std::max(1e-9, MedianDepth(*map.submaps[to.submap].submap, *to.keyframe));
+    edge.sigma_scale = 0.01;
+    edge.robust = true;
+    edges->push_back(edge);
+  }
+}
+
+// One window around the seams after the other.
+MergedBundleSummary AdjustWindows(const MergedBundleOptions& bundle, const SeamWindowOptions& options,
+                                  const std::function<void(const std::string&)>& report, MergedMap* map) {
+  MergedBundleSummary sum;
+  sum.success = true;
+  const std::vector<std::vector<int>> windows = ChooseSeamWindows(*map, options);
+  for (const std::vector<int>& window : windows) {
+    const MergedBundleSummary one = AdjustMergedMap(bundle, map, &window);
+    sum.success = sum.success && one.success;
+    sum.num_points += one.num_points;
+    sum.num_observations += one.num_observations;
+    sum.num_iterations += one.num_iterations;
+    sum.initial_cost += one.initial_cost;
+    sum.final_cost += one.final_cost;
+    sum.num_removed += one.num_removed;
+    report(Format("a window of %zu keyframes at the seams", window.size()));
+  }
+  return sum;
+}
+
 // Best similarity from a raw submap to the merged map, by its points.
 std::optional<Similarity3> FitSubmap(const MergedMap& map, int submap) {
   std::vector<Eigen::Vector3d> raw, merged;
@@ -81,37 +130,41 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
   MergedMap map = result.map;
   const std::vector<MergedKeyframe> tree_keyframes = map.keyframes;
 
-  if (!links.empty()) {
-    const std::vector<PoseGraphEdge> edges = Relations(map, links);
-    std::vector<Similarity3> vertices;
-    for (const MergedKeyframe& k : map.keyframes) vertices.push_back(k.RootFromCam());
-    report(Format("pose graph of %zu keyframes and %zu relations", vertices.size(), edges.size()));
-    summary.pose_graph = OptimizePoseGraph(edges, 0, options.pose_graph, &vertices);
-    if (summary.pose_graph.success) {
-      for (size_t k = 0; k < vertices.size(); ++k) {
-        map.keyframes[k].scale = vertices[k].scale;
-        map.keyframes[k].cam_from_root = Rigid3(vertices[k].rotation, vertices[k].translation).Inverse();
-      }
-      MovePointsWithKeyframes(tree_keyframes, &map);
-    }
+  std::vector<PoseGraphEdge> edges = links.empty() ? std::vector<PoseGraphEdge>() : Relations(map, links);
+  if (!edges.empty()) {
+    report(Format("pose graph of %zu keyframes and %zu relations", map.keyframes.size(), edges.size()));
+    summary.pose_graph = SolvePoseGraph(edges, options.pose_graph, &map);
+  }
+  const int num_keyframes = static_cast<int>(map.keyframes.size());
+  const bool is_large = num_keyframes > options.max_keyframes_without_overlaps;
+  if (is_large && summary.pose_graph.success) {
+    // The links hold the submaps together at a few places each; their overlaps do so all along, which straightens what bundle
+    // adjustment would need very many steps for.
+    OverlapMatchingOptions matching = options.matching;
+    matching.radius = options.radii[0];
+    AppendOverlaps(map, MeasureOverlaps(map, options.overlap, matching, options.min_points_of_overlap), &edges);
+    report(Format("pose graph of %zu keyframes and %zu relations, overlaps among them", map.keyframes.size(), edges.size()));
+    summary.pose_graph = SolvePoseGraph(edges, options.pose_graph, &map);
   }
 
-  for (size_t round = 0; round < options.radii.size(); ++round) {
+  const bool by_windows = num_keyframes > options.max_keyframes_at_once;
+  // With poses beyond the window fixed, further rounds move nothing.
+  const size_t num_rounds = by_windows ? 1 : options.radii.size();
+  for (size_t round = 0; round < num_rounds; ++round) {
     OverlapMatchingOptions matching = options.matching;
     matching.radius = options.radii[round];
-    report(Format("fusion of duplicate points, round %zu of %zu", round + 1, options.radii.size()));
+    report(Format("fusion of duplicate points, round %zu of %zu", round + 1, num_rounds));
     summary.fusions.push_back(FuseOverlaps(options.overlap, matching, &map));
     const FusionSummary& fusion = summary.fusions.back();
     report(Format("%d of %d overlapping pairs matched, %d points fused, %d observations added, %d conflicts",
                   fusion.num_matched_pairs, fusion.num_pairs, fusion.num_fused, fusion.num_added, fusion.num_conflicts));
     MergedBundleOptions bundle = options.bundle;
     bundle.bundle.max_iterations = options.iterations[round];
-    const bool last = round + 1 == options.radii.size();
-    if (last && static_cast<int>(map.keyframes.size()) <= options.max_keyframes_with_all_points) {
-      bundle.points_per_keyframe = 0;
-    }
-    report(Format("bundle adjustment, round %zu of %zu", round + 1, options.radii.size()));
-    summary.bundles.push_back(AdjustMergedMap(bundle, &map));
+    if (is_large) bundle.bundle.initial_trust_radius = options.large_trust_radius;
+    const bool last = round + 1 == num_rounds;
+    if (last && num_keyframes <= options.max_keyframes_with_all_points) bundle.points_per_keyframe = 0;
+    report(Format("bundle adjustment, round %zu of %zu", round + 1, num_rounds));
+    summary.bundles.push_back(by_windows ? AdjustWindows(bundle, options.windows, report, &map) : AdjustMergedMap(bundle, &map));
     const MergedBundleSummary& adjusted = summary.bundles.back();
     report(Format("%d points, %d observations, %d iterations, cost %.0f to %.0f, %d outliers removed", adjusted.num_points,
                   adjusted.num_observations, adjusted.num_iterations, adjusted.initial_cost, adjusted.final_cost,

@@ -7,6 +7,7 @@
 #include "libs/mapping/connected_frames.h"
 #include "libs/mapping/merged_bundle_adjustment.h"
 #include "libs/mapping/overlap_matching.h"
+#include "libs/mapping/seam_windows.h"
 #include "libs/mapping/sim3_pose_graph.h"
 
 namespace mapmend {
@@ -30,6 +31,12 @@ struct MergedRefinementOptions {
   // In the last round all points take part, which evens out the slow bending of long strips (0.73 m became 0.61 m on a
   // survey of 150 keyframes); in larger maps time forbids it.
   int max_keyframes_with_all_points = 400;
+  // Of larger maps the overlaps found are first taken into the pose graph: those of keyframes with so many points in common.
+  int max_keyframes_without_overlaps = 400;
+  int min_points_of_overlap = 20;
+  double large_trust_radius = 1e7;   // and their bundle adjustment begins with such steps that long strips straighten in a few
+  int max_keyframes_at_once = 1200;  // beyond, bundle adjustment goes by windows around the seams, in one round
+  SeamWindowOptions windows;
 
   std::string Check() const;
 };

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
+#include "libs/geometry/sim3_closed_form.h"
 #include "libs/mapping/guided_projection.h"
 #include "libs/mapping/pose_optimization.h"
 
@@ -83,6 +85,15 @@ void MatchOneWay(const MergedMap& map, const FeatureGrid& grid, int source, int 
   }
 }
 
+std::vector<FeatureGrid> MakeGrids(const MergedMap& map) {
+  std::vector<FeatureGrid> grids;
+  for (size_t k = 0; k < map.keyframes.size(); ++k) {
+    const Pinhole& camera = map.CameraOf(static_cast<int>(k));
+    grids.emplace_back(map.keyframes[k].keyframe->features.keypoints, camera.width, camera.height);
+  }
+  return grids;
+}
+
 }  // namespace
 
 std::vector<OverlappingPair> FindOverlappingPairs(const MergedMap& map, const OverlapOptions& options) {
@@ -142,13 +153,31 @@ std::vector<OverlapMatch> MatchOverlappingPair(const MergedMap& map, const std::
   return matches;
 }
 
+std::vector<OverlapRelation> MeasureOverlaps(const MergedMap& map, const OverlapOptions& overlap,
+                                             const OverlapMatchingOptions& matching, int min_points) {
+  const std::vector<FeatureGrid> grids = MakeGrids(map);
+  std::vector<OverlapRelation> relations;
+  for (const OverlappingPair& pair : FindOverlappingPairs(map, overlap)) {
+    std::set<std::pair<int, int>> same;  // points that the one keyframe sees, and the other
+    for (const OverlapMatch& m : MatchOverlappingPair(map, grids, pair.a, pair.b, matching)) {
+      const int other = map.point_of_feature[m.element.keyframe][m.element.feature];
+      if (other < 0 || other == m.point) continue;
+      same.insert(m.element.keyframe == pair.b ? std::pair(m.point, other) : std::pair(other, m.point));
+    }
+    if (static_cast<int>(same.size()) < min_points) continue;
+    std::vector<Eigen::Vector3d> from, to;
+    for (const auto& [a, b] : same) {
+      from.push_back(map.points[a].position);
+      to.push_back(map.points[b].position);
+    }
+    if (const auto fit = HornAlignment(from, to)) relations.push_back({pair.a, pair.b, *fit});
+  }
+  return relations;
+}
+
 FusionSummary FuseOverlaps(const OverlapOptions& overlap, const OverlapMatchingOptions& matching, MergedMap* map) {
   FusionSummary summary;
-  std::vector<FeatureGrid> grids;
-  for (size_t k = 0; k < map->keyframes.size(); ++k) {
-    const Pinhole& camera = map->CameraOf(static_cast<int>(k));
-    grids.emplace_back(map->keyframes[k].keyframe->features.keypoints, camera.width, camera.height);
-  }
+  const std::vector<FeatureGrid> grids = MakeGrids(*map);
   // Votes for the identity of two points, and for a new observation of one.
   std::map<std::pair<int, int>, int> same;
   std::map<std::pair<int, TrackElement>, int> seen;

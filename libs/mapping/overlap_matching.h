@@ -46,6 +46,17 @@ struct OverlapMatch {
 std::vector<OverlapMatch> MatchOverlappingPair(const MergedMap& map, const std::vector<FeatureGrid>& grids, int a, int b,
                                                const OverlapMatchingOptions& options);
 
+// What matches between two keyframes say about how the map is bent: to_from_from moves the ground about keyframe `from` onto the
+// same ground about keyframe `to`, both in the root frame.
+struct OverlapRelation {
+  int from = -1, to = -1;      // keyframes
+  Similarity3 to_from_from;
+};
+
+// Of all overlapping pairs in which at least min_points map points of the one are recognised as map points of the other.
+std::vector<OverlapRelation> MeasureOverlaps(const MergedMap& map, const OverlapOptions& overlap,
+                                             const OverlapMatchingOptions& matching, int min_points);
+
 struct FusionSummary {
   int num_pairs = 0, num_matched_pairs = 0;
   int num_fused = 0;           // points fused into others

@@ -1,7 +1,7 @@
 // What the refinement of a merged map costs as the map grows: a survey of strips at 100 m (750 m long, 60 m apart, an image every
 // 30 m: 69 % forward and 53 % side overlap), some 800 features an image, a submap for every two strips, drift within submaps.
 //
-//   merged_refinement_benchmark                       100, 300, 500 and 1000 keyframes
+//   merged_refinement_benchmark                       100, 300, 500, 1000 and 2000 keyframes
 //   merged_refinement_benchmark --benchmark_filter=500
 
 #include <benchmark/benchmark.h>
@@ -113,6 +113,7 @@ BENCHMARK(BM_Refine)
     ->Arg(300)
     ->Arg(500)
     ->Arg(1000)
+    ->Arg(2000)
     ->Unit(benchmark::kSecond)
     ->Iterations(1)
     ->UseRealTime()

@@ -2,6 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <memory>
+#include <set>
+#include <string>
+
 #include "libs/geometry/sim3_closed_form.h"
 #include "tests/unit/merger/synthetic_flight.h"
 
@@ -46,7 +51,18 @@ double CenterError(const MergedMap& map, const std::vector<Rigid3>& world_from_k
   return std::sqrt(sum / static_cast<double>(truth.size()));
 }
 
-TEST(MergedRefinement, MendsDriftAndScaleBetweenSubmaps) {
+// Two submaps of two strips each that drift, with links as the merger finds them.
+struct DriftingSurvey {
+  Session session;
+  std::vector<Rigid3> world_from_keyframe;
+  std::vector<Similarity3> submap_from_world;
+  std::vector<SubmapView> views;
+  std::vector<RefinementLink> links;
+  std::vector<Similarity3> tree;
+};
+
+std::unique_ptr<DriftingSurvey> MakeDriftingSurvey() {
+  auto survey = std::make_unique<DriftingSurvey>();
   std::mt19937_64 random(21);
   FlightOptions options;
   options.scale_drift = 0.002;
@@ -57,23 +73,28 @@ TEST(MergedRefinement, MendsDriftAndScaleBetweenSubmaps) {
   };
   flight.AddSubmap(Survey({100, 100}, 150, 35, 2, 12, &random), frame(0.01, 0.4));
   flight.AddSubmap(Survey({110, 170}, 150, 35, 2, 12, &random), frame(0.03, -1.4));
-  const Session session = flight.Model();
-  std::vector<SubmapView> views;
-  for (const auto& [id, submap] : session.submaps) {
-    views.push_back({&submap, session.info.pinhole, session.info.pyramid});
+  survey->session = flight.Model();
+  survey->world_from_keyframe = flight.world_from_keyframe();
+  survey->submap_from_world = flight.submap_from_world();
+  for (const auto& [id, submap] : survey->session.submaps) {
+    survey->views.push_back({&submap, survey->session.info.pinhole, survey->session.info.pyramid});
   }
-  // Links as the merger finds them.
-  std::vector<RefinementLink> links;
-  for (const auto& [sa, a, sb, b] : std::vector<std::tuple<int, int, int, int>>{{0, 18, 1, 30}, {0, 14, 1, 34}, {0, 22, 1, 26}}) {
-    const ConnectedFrames c = VerifyConnectedFrames(views[sa], KeyframeId(a), views[sb], KeyframeId(b), {});
-    ASSERT_TRUE(c.success) << c.reason;
-    links.push_back({sa, sb, c.keyframe_a, c.keyframe_b, c.b_from_a});
+  for (const auto& [a, b] : std::vector<std::pair<int, int>>{{18, 30}, {14, 34}, {22, 26}}) {
+    const ConnectedFrames c = VerifyConnectedFrames(survey->views[0], KeyframeId(a), survey->views[1], KeyframeId(b), {});
+    EXPECT_TRUE(c.success) << c.reason;
+    survey->links.push_back({0, 1, c.keyframe_a, c.keyframe_b, c.b_from_a});
   }
-  const std::vector<Similarity3> tree = {Similarity3(), links[0].b_from_a.Inverse()};
-  const double before = CenterError(MakeMergedMap(views, tree), flight.world_from_keyframe());
+  survey->tree = {Similarity3(), survey->links[0].b_from_a.Inverse()};
+  return survey;
+}
+
+TEST(MergedRefinement, MendsDriftAndScaleBetweenSubmaps) {
+  const auto survey = MakeDriftingSurvey();
+  const auto& [session, world_from_keyframe, submap_from_world, views, links, tree] = *survey;
+  const double before = CenterError(MakeMergedMap(views, tree), world_from_keyframe);
   const MergedRefinementResult result = RefineMergedMap(views, tree, links, {});
   ASSERT_TRUE(result.summary.success) << result.summary.reason;
-  const double after = CenterError(result.map, flight.world_from_keyframe());
+  const double after = CenterError(result.map, world_from_keyframe);
   RecordProperty("before_mm", static_cast<int>(1000 * before));
   RecordProperty("after_mm", static_cast<int>(1000 * after));
   EXPECT_GT(before, 1.0);
@@ -83,7 +104,7 @@ TEST(MergedRefinement, MendsDriftAndScaleBetweenSubmaps) {
 
   // The frame is still that of the root submap, and the single best similarity of the other is near the truth.
   EXPECT_EQ(ToArray(result.root_from_submap[0]), ToArray(Similarity3()));
-  const Similarity3 truth = flight.submap_from_world()[0] * flight.submap_from_world()[1].Inverse();
+  const Similarity3 truth = submap_from_world[0] * submap_from_world[1].Inverse();
   EXPECT_NEAR(result.root_from_submap[1].scale / truth.scale, 1, 0.05);
 
   // Bit-identical the second time.
@@ -91,6 +112,54 @@ TEST(MergedRefinement, MendsDriftAndScaleBetweenSubmaps) {
   for (size_t k = 0; k < result.map.keyframes.size(); ++k) {
     EXPECT_EQ(ToArray(result.map.keyframes[k].cam_from_root), ToArray(again.map.keyframes[k].cam_from_root));
   }
+}
+
+TEST(MergedRefinement, ALargeMapIsStraightenedByItsOverlapsAndAdjustedAtItsSeams) {
+  const auto survey = MakeDriftingSurvey();
+  const double before = CenterError(MakeMergedMap(survey->views, survey->tree), survey->world_from_keyframe);
+  MergedRefinementOptions options;  // as if 48 keyframes were many
+  options.max_keyframes_without_overlaps = 40;
+  options.max_keyframes_with_all_points = 40;
+  options.max_keyframes_at_once = 40;
+  options.windows.window_size = 20;
+  std::vector<std::string> told;
+  const MergedRefinementResult result = RefineMergedMap(survey->views, survey->tree, survey->links, options,
+                                                        [&](const std::string& what) { told.push_back(what); });
+  ASSERT_TRUE(result.summary.success) << result.summary.reason;
+  EXPECT_EQ(result.summary.bundles.size(), 1u);
+  EXPECT_GE(std::count_if(told.begin(), told.end(), [](const auto& t) { return t.find("at the seams") != std::string::npos; }), 2);
+  EXPECT_LT(CenterError(result.map, survey->world_from_keyframe), 0.3 * before);
+  EXPECT_LT(result.summary.after.median_px, 1.0);
+  // The time is bounded by the number of windows.
+  options.windows.max_windows = 1;
+  told.clear();
+  const MergedRefinementResult one =
+      RefineMergedMap(survey->views, survey->tree, survey->links, options, [&](const std::string& what) { told.push_back(what); });
+  EXPECT_EQ(std::count(told.begin(), told.end(), "a window of 20 keyframes at the seams"), 1);
+  EXPECT_LT(one.summary.bundles[0].num_observations, result.summary.bundles[0].num_observations);
+}
+
+TEST(SeamWindows, HoldTheKeyframesThatSeeFusedPointsEachOnce) {
+  const auto survey = MakeDriftingSurvey();
+  MergedMap map = MakeMergedMap(survey->views, survey->tree);
+  EXPECT_TRUE(ChooseSeamWindows(map, {}).empty());  // nothing is fused yet
+  FuseOverlaps({}, {16}, &map);
+  std::set<int> at_seam;
+  for (const MergedPoint& p : map.points) {
+    for (const TrackElement& e : p.track) {
+      if (p.members.size() > 1) at_seam.insert(e.keyframe);
+    }
+  }
+  ASSERT_GT(at_seam.size(), 20u);
+  SeamWindowOptions options;
+  options.window_size = 8;
+  options.max_windows = 100;
+  std::set<int> covered;
+  for (const std::vector<int>& window : ChooseSeamWindows(map, options)) {
+    EXPECT_LE(window.size(), 8u);
+    for (const int k : window) EXPECT_TRUE(covered.insert(k).second) << k;
+  }
+  EXPECT_EQ(covered, at_seam);
 }
 
 TEST(MergedMap, FusionKeepsOneFeaturePerKeyframe) {
