@@ -159,7 +159,7 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
   outcome.submap = map_->Id();
   std::vector<int> hints = {last_reference_};
   const auto add_hint = [&](int k) {
-    if (k >= 0 && !map_->Keyframe(k).removed && std::find(hints.begin(), hints.end(), k) == hints.end()) hints.push_back(k);
+    if (k >= 0 && std::find(hints.begin(), hints.end(), k) == hints.end()) hints.push_back(k);
   };
   add_hint(last_keyframe_);
   add_hint(last_keyframe_ - 1);
@@ -329,7 +329,6 @@ std::vector<std::pair<int64_t, RecordBody>> Frontend::TakeRecords(int64_t utime,
   for (; first_unpublished_keyframe_ <= last_keyframe; ++first_unpublished_keyframe_) {
     const int k = first_unpublished_keyframe_;
     const WorkingKeyframe& keyframe = map_->Keyframe(k);
-    if (keyframe.removed) continue;
     KeyframeRecord record;
     record.submap = map_->Id();
     record.keyframe = keyframe.id;
@@ -347,8 +346,8 @@ std::vector<std::pair<int64_t, RecordBody>> Frontend::TakeRecords(int64_t utime,
                                            [&](const TrackedFrame& f) { return !(last_published < f.keyframe); });
   update.frames.assign(tracked_frames_.begin(), later);
   tracked_frames_.erase(tracked_frames_.begin(), later);
-  if (!update.keyframes.empty() || !update.points.empty() || !update.observations.empty() || !update.removed_keyframes.empty() ||
-      !update.removed_points.empty() || !update.frames.empty()) {
+  if (!update.keyframes.empty() || !update.points.empty() || !update.observations.empty() || !update.removed_points.empty() ||
+      !update.frames.empty()) {
     records.emplace_back(utime, std::move(update));
   }
   return records;

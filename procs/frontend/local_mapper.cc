@@ -242,7 +242,7 @@ void LocalMapper::FuseWithOverlapping(int keyframe, const std::vector<int>& neig
   };
   std::vector<Overlapping> candidates;
   for (int k = 0; k < keyframe; ++k) {
-    if (map->Keyframe(k).removed || known.contains(k)) continue;
+    if (known.contains(k)) continue;
     const Rigid3& other = map->Keyframe(k).frame->cam_from_submap;
     const Eigen::Vector3d x = other * looked_at;
     const Eigen::Vector3d other_axis = other.rotation.conjugate() * Eigen::Vector3d::UnitZ();
@@ -337,7 +337,6 @@ void LocalMapper::AdjustLocal(int keyframe, WorkingMap* map, MapLock* lock) cons
 void LocalMapper::AdjustAll(WorkingMap* map) const {
   std::vector<int> free, fixed;
   for (int k = 0; k <= map->LastKeyframe(); ++k) {
-    if (map->Keyframe(k).removed) continue;
     (fixed.empty() ? fixed : free).push_back(k);
   }
   Adjust(free, fixed, 20, map, nullptr);

@@ -71,17 +71,6 @@ void WorkingMap::RemovePoint(int point) {
   p.published = false;
 }
 
-void WorkingMap::RemoveKeyframe(int keyframe) {
-  WorkingKeyframe& k = keyframes_[keyframe];
-  if (k.removed) return;
-  for (size_t i = 0; i < k.frame->points.size(); ++i) {
-    if (k.frame->points[i] >= 0) RemoveObservation(k.frame->points[i], keyframe);
-  }
-  k.removed = true;
-  if (k.published) removed_keyframes_.push_back(k.id);
-  k.published = false;
-}
-
 void WorkingMap::FusePoints(int from, int into) {
   if (from == into || points_[from].removed || points_[into].removed) return;
   const auto moved = points_[from].observations;
@@ -243,9 +232,7 @@ MapUpdate WorkingMap::TakeUpdate() {
     }
     k.dirty_features.clear();
   }
-  update.removed_keyframes = std::move(removed_keyframes_);
   update.removed_points = std::move(removed_points_);
-  removed_keyframes_.clear();
   removed_points_.clear();
   dirty_keyframes_.clear();
   dirty_points_.clear();
