@@ -2,23 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <map>
 #include <set>
 
 #include "libs/features/matching.h"
 #include "libs/mapping/guided_projection.h"
+#include "libs/mapping/text_format.h"
 
 namespace mapmend {
 namespace {
-
-template <typename... Args>
-std::string Format(const char* format, Args... args) {
-  char buffer[256];
-  std::snprintf(buffer, sizeof(buffer), format, args...);
-  return buffer;
-}
 
 using Window = std::vector<const SubmapKeyframe*>;
 

@@ -2,31 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <iterator>
 #include <limits>
 #include <map>
 #include <numeric>
 #include <utility>
 
+#include "libs/geometry/median.h"
 #include "libs/mapping/pose_graph_relations.h"
+#include "libs/mapping/text_format.h"
 
 namespace mapmend {
 namespace {
-
-template <typename... Args>
-std::string Format(const char* format, Args... args) {
-  char buffer[320];
-  std::snprintf(buffer, sizeof(buffer), format, args...);
-  return buffer;
-}
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Where the two keyframes of each loop stand among the keyframes of the submap.
 class LoopEnds {

@@ -2,21 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <optional>
 
 #include "libs/geometry/sim3_closed_form.h"
 #include "libs/mapping/pose_graph_relations.h"
+#include "libs/mapping/text_format.h"
 
 namespace mapmend {
 namespace {
-
-template <typename... Args>
-std::string Format(const char* format, Args... args) {
-  char buffer[256];
-  std::snprintf(buffer, sizeof(buffer), format, args...);
-  return buffer;
-}
 
 std::vector<PoseGraphEdge> Relations(const MergedMap& map, const std::vector<RefinementLink>& links) {
   std::vector<PoseGraphEdge> edges;

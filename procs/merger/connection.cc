@@ -2,28 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numeric>
 #include <set>
 
+#include "libs/geometry/median.h"
+#include "libs/mapping/text_format.h"
 #include "procs/merger/connection_strength.h"
 
 namespace mapmend {
 namespace {
-
-template <typename... Args>
-std::string Format(const char* format, Args... args) {
-  char buffer[320];
-  std::snprintf(buffer, sizeof(buffer), format, args...);
-  return buffer;
-}
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Evenly chosen observations, at most so many each way: plenty for a transform, and bounded cost however much is known.
 CrossObservations Thinned(const CrossObservations& all, size_t max_each_way) {

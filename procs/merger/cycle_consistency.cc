@@ -6,16 +6,11 @@
 #include <cstdio>
 #include <limits>
 
+#include "libs/geometry/median.h"
 #include "procs/merger/merged_transforms.h"
 
 namespace mapmend {
 namespace {
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 Eigen::Vector3d Centroid(const std::vector<Eigen::Vector3d>& points) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();

@@ -8,17 +8,11 @@
 #include <string>
 #include <vector>
 
+#include "libs/geometry/median.h"
 #include "procs/merger/connection_strength.h"
 
 namespace mapmend {
 namespace {
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 std::optional<KeyframeId> Neighbor(const Submap& submap, KeyframeId keyframe, int step) {
   const auto it = submap.keyframes.find(keyframe);
