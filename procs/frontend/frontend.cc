@@ -154,6 +154,19 @@ std::optional<Rigid3> Frontend::Predict(int64_t utime) const {
   return Extrapolate(before_last_frame_->cam_from_submap, last_frame_->cam_from_submap, ahead / dt);
 }
 
+// Whether a frame that follows at the usual time lies implausibly far from the last one.
+bool Frontend::IsJump(const Frame& frame) const {
+  std::vector<double> depths;
+  for (const int p : frame.points) {
+    if (p >= 0) depths.push_back((frame.cam_from_submap * map_->Point(p).position).z());
+  }
+  std::nth_element(depths.begin(), depths.begin() + depths.size() / 2, depths.end());
+  const Eigen::Vector3d last = last_frame_->cam_from_submap.Center();
+  const double step = (frame.cam_from_submap.Center() - last).norm();
+  const double last_step = (last - before_last_frame_->cam_from_submap.Center()).norm();
+  return step > 5 * last_step && step > options_.max_jump * depths[depths.size() / 2];
+}
+
 FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
   FrameOutcome outcome;
   outcome.submap = map_->Id();
@@ -164,7 +177,14 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
   add_hint(last_keyframe_);
   add_hint(last_keyframe_ - 1);
   add_hint(last_keyframe_ - 2);
-  const TrackResult result = tracker_.Track(lost_frames_ == 0 ? Predict(frame->utime) : std::nullopt, hints, map_.get(), frame.get());
+  const std::optional<Rigid3> prediction = lost_frames_ == 0 ? Predict(frame->utime) : std::nullopt;
+  TrackResult result = tracker_.Track(prediction, hints, map_.get(), frame.get());
+  if (result.success && prediction && IsJump(*frame) &&
+      result.num_inliers < options_.jump_found_share * result.num_visible) {
+    result.success = false;
+    result.reason = "inconsistent_motion";
+    std::fill(frame->points.begin(), frame->points.end(), -1);
+  }
   if (result.success) {
     outcome.state = FrontendState::kTracking;
     outcome.method = result.method;

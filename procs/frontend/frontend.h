@@ -27,6 +27,8 @@ struct FrontendOptions {
   double keyframe_ratio = 0.7;      // new keyframe when fewer points are seen than this share of the reference keyframe's
   int comfortable_inliers = 100;    // or fewer than this
   double keyframe_angle_deg = 3;    // or when the points are seen under an angle that differs by this much (median)
+  double max_jump = 0.15;           // a step of this share of the scene's depth, and five times the last one, is a jump
+  double jump_found_share = 0.15;   // of the points in view that must be found to believe a jump
   int confirm_frames = 2;           // frames that must be tracked in a new submap before it is believed
   bool mapping_thread = false;      // keyframes join the map while tracking goes on: fast, but the map depends on timing
   int max_unmapped_keyframes = 2;   // with mapping_thread: when more are not finished, tracking waits
@@ -82,6 +84,7 @@ class Frontend {
   void EmitRecords(std::vector<std::pair<int64_t, RecordBody>> records);
   void Publish(int64_t utime);
   std::optional<Rigid3> Predict(int64_t utime) const;
+  bool IsJump(const Frame& frame) const;
 
   FrontendOptions options_;
   Pinhole camera_;

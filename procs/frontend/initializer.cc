@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
+#include "libs/geometry/pnp.h"
 #include "libs/geometry/triangulation.h"
 #include "libs/geometry/two_view.h"
 #include "libs/mapping/bundle_adjustment.h"
+#include "libs/mapping/pose_optimization.h"
 
 namespace mapmend {
 namespace {
@@ -14,12 +17,7 @@ constexpr double kMinRayAngleCos = 0.99999;  // 0.26 degrees: nearer to parallel
 constexpr int kBundlePoints = 150;           // of an image determine the motion in bundle adjustment
 constexpr double kSameRotationRad = 0.02, kSameDirectionRad = 0.15;
 
-struct Judged {
-  Rigid3 second_from_first;
-  std::vector<int> matches;                // indices of the inlier matches
-  std::vector<Eigen::Vector3d> points;     // of these, first camera
-  double median_angle_deg = 0;
-};
+using Judged = TwoViewCandidate;
 
 struct MatchedPixels {
   std::vector<Eigen::Vector2d> first, second;  // pixels
@@ -89,28 +87,70 @@ void Initializer::DropBefore(const FramePtr& frame) {
 Initialization Initializer::AddFrame(const FramePtr& frame) {
   Initialization result;
   result.reason = "too_few_matches";
-  // Oldest partner first: it has the widest baseline. A few younger ones are tried when it fails, so that one bad frame
-  // does not hold up all others.
-  constexpr int kMaxTrials = 3;
-  int trials = 0;
-  const size_t n = frames_.size();
-  for (size_t i = 0; i < n && trials < kMaxTrials; ++trials) {
-    const Initialization attempt = Try(frames_[i], frame);
+  // The oldest partner first: it has the widest baseline. If it shares too little with this frame, younger ones do more: a
+  // bisection finds the oldest that shares enough. A camera that moves forward leaves its first images behind quickly.
+  constexpr int kMaxTrials = 5;
+  const int n = static_cast<int>(frames_.size());
+  int oldest = 0, newest = n - 1;
+  for (int trial = 0; trial < kMaxTrials && oldest <= newest; ++trial) {
+    const int i = trial == 0 ? oldest : oldest + (newest - oldest) / 2;
+    std::vector<FramePtr> between;
+    for (const int part : {1, 2, 3}) {
+      const int j = i + (n - i) * part / 4;
+      if (j > i && (between.empty() || between.back() != frames_[j])) between.push_back(frames_[j]);
+    }
+    const Initialization attempt = Try(frames_[i], frame, between);
     if (attempt.success) {
       result = attempt;
       break;
     }
     if (result.reason == "too_few_matches") result.reason = attempt.reason;
-    if (attempt.reason == "no_parallax") break;  // younger frames have less
-    // The oldest frame, the middle one, the newest one.
-    i = trials == 0 && n > 2 ? n / 2 : std::max(i + 1, n - 1);
+    if (attempt.reason == "no_parallax") {
+      newest = i - 1;
+    } else {
+      oldest = i + 1;
+    }
   }
   frames_.push_back(frame);
   while (static_cast<int>(frames_.size()) > options_.max_buffered_frames) frames_.pop_front();
   return result;
 }
 
-Initialization Initializer::Try(const FramePtr& first, const FramePtr& second) const {
+// Points of a candidate, seen from the frames between its two: how many of them lie where a pose of each such frame puts them.
+// A wrong motion with as many inliers in two images has its points at wrong depths, which no pose of a third explains.
+int Initializer::SupportBetween(const Frame& first, const std::vector<Match>& found, const Judged& candidate,
+                                const std::vector<FramePtr>& between) const {
+  std::vector<int> features;
+  std::map<int, Eigen::Vector3d> point_of;
+  for (size_t i = 0; i < candidate.matches.size(); ++i) {
+    features.push_back(found[candidate.matches[i]].a);
+    point_of[features.back()] = candidate.points[i];
+  }
+  std::sort(features.begin(), features.end());
+  int support = 0;
+  for (const FramePtr& frame : between) {
+    std::vector<Eigen::Vector3d> points;
+    std::vector<Eigen::Vector2d> pixels;
+    std::vector<double> sigmas;
+    std::vector<PoseObservation> observations;
+    for (const Match& m : MatchBruteForce(first.features, frame->features, {}, features)) {
+      const Keypoint& keypoint = frame->features.keypoints[m.b];
+      points.push_back(point_of.at(m.a));
+      pixels.push_back(keypoint.pixel.cast<double>());
+      sigmas.push_back(pyramid_.Sigma(keypoint.octave));
+      observations.push_back({points.back(), pixels.back(), sigmas.back()});
+    }
+    PnpOptions pnp_options;
+    pnp_options.seed = options_.seed;
+    const PnpResult pnp = SolvePnpRansac(camera_, points, pixels, sigmas, pnp_options);
+    if (!pnp.success) continue;
+    const PoseOptimizationResult pose = OptimizePose(camera_, pnp.cam_from_world, observations, {});
+    if (pose.success) support += pose.num_inliers;
+  }
+  return support;
+}
+
+Initialization Initializer::Try(const FramePtr& first, const FramePtr& second, const std::vector<FramePtr>& between) const {
   Initialization result;
   result.first = first;
   result.second = second;
@@ -149,19 +189,34 @@ Initialization Initializer::Try(const FramePtr& first, const FramePtr& second) c
   std::erase_if(candidates, [&](const Judged& j) { return j.matches.size() < enough; });
   for (Judged& j : candidates) j = Refine(camera_, matches, std::move(j), options_.max_sigma);
   std::stable_sort(candidates.begin(), candidates.end(), by_support);
-  const Judged& best = candidates[0];
-  if (static_cast<int>(best.matches.size()) < options_.min_points ||
-      best.matches.size() * 2 < static_cast<size_t>(options_.min_matches)) {
+  if (static_cast<int>(candidates[0].matches.size()) < options_.min_points ||
+      candidates[0].matches.size() * 2 < static_cast<size_t>(options_.min_matches)) {
     return result;
   }
   result.reason = "no_parallax";
-  if (best.median_angle_deg < options_.min_median_angle_deg) return result;
-  result.reason = "ambiguous";
-  for (const Judged& other : candidates) {
-    if (!SameMotion(best.second_from_first, other.second_from_first) &&
-        static_cast<double>(other.matches.size()) > options_.ambiguity_ratio * static_cast<double>(best.matches.size())) {
-      return result;
+  if (candidates[0].median_angle_deg < options_.min_median_angle_deg) return result;
+  // Another motion that explains nearly as much: frames between the two must tell.
+  const auto rivals = [&](const Judged& other) {
+    return !SameMotion(candidates[0].second_from_first, other.second_from_first) &&
+           static_cast<double>(other.matches.size()) >
+               options_.ambiguity_ratio * static_cast<double>(candidates[0].matches.size());
+  };
+  size_t winner = 0;
+  if (std::any_of(candidates.begin() + 1, candidates.end(), rivals)) {
+    result.reason = "ambiguous";
+    std::vector<int> support;
+    for (const Judged& j : candidates) support.push_back(SupportBetween(*first, found, j, between));
+    winner = std::max_element(support.begin(), support.end()) - support.begin();
+    for (size_t i = 0; i < candidates.size(); ++i) {
+      if (!SameMotion(candidates[winner].second_from_first, candidates[i].second_from_first) &&
+          support[i] >= options_.ambiguity_ratio * support[winner]) {
+        return result;
+      }
     }
+  }
+  const Judged& best = candidates[winner];
+  if (static_cast<int>(best.matches.size()) < options_.min_points || best.median_angle_deg < options_.min_median_angle_deg) {
+    return result;
   }
   std::vector<double> depths;
   for (const Eigen::Vector3d& x : best.points) depths.push_back(x.z());

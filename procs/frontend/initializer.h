@@ -34,10 +34,18 @@ struct Initialization {
   std::vector<InitialPoint> points;
 };
 
+// A motion between two views and what it explains.
+struct TwoViewCandidate {
+  Rigid3 second_from_first;                // |translation| = 1
+  std::vector<int> matches;                // indices of the inlier matches
+  std::vector<Eigen::Vector3d> points;     // of these, in the frame of the first camera
+  double median_angle_deg = 0;             // between the rays to the points
+};
+
 // Starts a submap from two views of the same ground. Frames since the loss are kept; each new one is tried against the oldest
 // that still shares enough features. All decompositions of a homography (planar scenes, nadir views) and of an essential
-// matrix compete: each is refined by bundle adjustment on all matches, and the winner is accepted only if no other, truly
-// different motion explains nearly as much.
+// matrix compete: each is refined by bundle adjustment on all matches. If a second, truly different motion explains nearly as
+// much as the best, up to three frames in between decide; if they cannot, the pair is refused as ambiguous.
 class Initializer {
  public:
   Initializer(const InitializerOptions& options, const Pinhole& camera, const Pyramid& pyramid)
@@ -51,7 +59,9 @@ class Initializer {
   void DropBefore(const FramePtr& frame);
 
  private:
-  Initialization Try(const FramePtr& first, const FramePtr& second) const;
+  Initialization Try(const FramePtr& first, const FramePtr& second, const std::vector<FramePtr>& between) const;
+  int SupportBetween(const Frame& first, const std::vector<Match>& found, const TwoViewCandidate& candidate,
+                     const std::vector<FramePtr>& between) const;
 
   InitializerOptions options_;
   Pinhole camera_;

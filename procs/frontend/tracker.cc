@@ -27,6 +27,23 @@ double Spread(const Frame& frame, const Pinhole& camera) {
 
 }  // namespace
 
+std::vector<int> Tracker::VisiblePoints(const WorkingMap& map, const std::vector<int>& points, const Rigid3& pose) const {
+  std::vector<int> visible;
+  const Eigen::Matrix3d R = pose.rotation.toRotationMatrix();
+  const Eigen::Vector3d center = pose.Center();
+  for (const int index : points) {
+    const WorkingPoint& point = map.Point(index);
+    if (point.removed) continue;
+    const Eigen::Vector3d x = R * point.position + pose.translation;
+    if (x.z() <= 0) continue;
+    const Eigen::Vector2d pixel = camera_.Project(x);
+    if (pixel.x() < 0 || pixel.y() < 0 || pixel.x() >= camera_.width || pixel.y() >= camera_.height) continue;
+    const Eigen::Vector3d to_camera = center - point.position;
+    if (to_camera.dot(point.normal) >= kMaxViewAngleCos * to_camera.norm()) visible.push_back(index);
+  }
+  return visible;
+}
+
 int Tracker::SearchPoints(const WorkingMap& map, const std::vector<int>& points, const Rigid3& pose, double radius_px,
                           bool scale_radius, int max_distance, Frame* frame) const {
   std::vector<uint8_t> used(frame->points.size()), already(map.Points().size(), 0);
@@ -188,23 +205,17 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
     if (!Optimize(*map, frame->cam_from_submap, frame, &result.num_inliers)) break;
   }
   result.spread = Spread(*frame, camera_);
-  if (result.num_inliers < options_.min_inliers || result.spread < options_.min_spread) {
+  const std::vector<int> visible = VisiblePoints(*map, points, frame->cam_from_submap);
+  result.num_visible = static_cast<int>(visible.size());
+  const bool is_enough = result.num_inliers >= options_.min_inliers && result.spread >= options_.min_spread;
+  // A wrong pose finds the few points that made it, and none of the others that should be in view.
+  if (!is_enough || result.num_inliers < options_.min_found_share * result.num_visible) {
+    if (is_enough) result.reason = "unsupported_pose";
     std::fill(frame->points.begin(), frame->points.end(), -1);
     return result;
   }
   // Bookkeeping for culling: what should have been seen, and what was.
-  const Rigid3& pose = frame->cam_from_submap;
-  for (const int index : points) {
-    const WorkingPoint& point = map->Point(index);
-    if (point.removed) continue;
-    const Eigen::Vector3d x = pose * point.position;
-    if (x.z() <= 0) continue;
-    const Eigen::Vector2d pixel = camera_.Project(x);
-    if (pixel.x() < 0 || pixel.y() < 0 || pixel.x() >= camera_.width || pixel.y() >= camera_.height) continue;
-    const Eigen::Vector3d to_camera = pose.Center() - point.position;
-    if (to_camera.dot(point.normal) < kMaxViewAngleCos * to_camera.norm()) continue;
-    ++map->MutablePoint(index)->visible;
-  }
+  for (const int index : visible) ++map->MutablePoint(index)->visible;
   std::vector<int> votes(map->Keyframes().size(), 0);
   for (const int p : frame->points) {
     if (p < 0) continue;

@@ -13,6 +13,7 @@ namespace mapmend {
 struct TrackerOptions {
   int min_inliers = 25;               // fewer: the frame is not tracked
   double min_spread = 0.08;           // share of the 8 x 6 cells of the image that hold an inlier
+  double min_found_share = 0.06;      // inliers, of the points of the local map that should be in view
   double motion_radius = 0.025;       // search radius around the motion model's prediction, of the image width
   int min_motion_matches = 20;        // fewer: wider search, then descriptor matching
   double local_radius_px = 4;         // search radius in the local map, at octave 0
@@ -22,9 +23,10 @@ struct TrackerOptions {
 
 struct TrackResult {
   bool success = false;
-  std::string reason;        // if not: too_few_matches, too_few_inliers
+  std::string reason;        // if not: too_few_matches, too_few_inliers, unsupported_pose
   std::string method;        // motion, wide, descriptors
   int num_inliers = 0;
+  int num_visible = 0;       // points of the local map that should be in view
   double spread = 0;
   int reference_keyframe = -1;  // that shares most points
 };
@@ -45,6 +47,7 @@ class Tracker {
  private:
   // Keyframes whose points are searched: those that share points with the frame, then those they share points with.
   std::vector<int> LocalKeyframes(const WorkingMap& map, const std::vector<int>& seeds, const Frame& frame) const;
+  std::vector<int> VisiblePoints(const WorkingMap& map, const std::vector<int>& points, const Rigid3& pose) const;
   int SearchPoints(const WorkingMap& map, const std::vector<int>& points, const Rigid3& pose, double radius_px,
                    bool scale_radius, int max_distance, Frame* frame) const;
   bool Optimize(const WorkingMap& map, const Rigid3& initial, Frame* frame, int* num_inliers) const;

@@ -98,6 +98,33 @@ TEST(Frontend, WhatCannotBeEmittedInTheMappingThreadIsToldToTheCaller) {
       std::runtime_error);
 }
 
+// A place that looks like a small part of the map (a poster hung twice) is not the place: the rest of what should be in
+// view is not there.
+TEST(Frontend, APoseThatFewOfTheVisiblePointsSupportIsNotBelieved) {
+  SyntheticScene scene(40000, -1.5, 6, 0.1, 6);
+  SyntheticScene elsewhere(40000, -1.5, 6, 0.1, 7);
+  Replay run(scene);
+  for (int i = 0; i < 12; ++i) run.frontend.ProcessFrame(scene.View(NadirPose(0.12 * i, 0), i));
+  const Rigid3 pose = NadirPose(0.9, 0.05);
+  const FramePtr poster = scene.View(pose, 12), background = elsewhere.View(pose, 12);
+  const auto add = [](const Frame& from, int i, Frame* to) {
+    to->features.keypoints.push_back(from.features.keypoints[i]);
+    to->features.descriptors.push_back(from.features.descriptors[i]);
+    to->features.colors.push_back(from.features.colors[i]);
+  };
+  for (const int every : {1, 30}) {  // the whole place is recognised, a thirtieth of it is not
+    auto frame = std::make_shared<Frame>(*background);
+    frame->features = {};
+    for (int i = 0; i < poster->features.Size(); i += every) add(*poster, i, frame.get());
+    const int num_known = frame->features.Size();
+    for (int i = num_known; i < background->features.Size(); ++i) add(*background, i, frame.get());
+    frame->grid = FeatureGrid(frame->features.keypoints, scene.Camera().width, scene.Camera().height);
+    EXPECT_GE(num_known, 30);
+    const FrameOutcome outcome = run.frontend.ProcessFrame(frame);
+    EXPECT_EQ(outcome.state == FrontendState::kTracking, every == 1) << outcome.num_inliers << " " << outcome.reason;
+  }
+}
+
 TEST(Frontend, EqualInputGivesEqualRecords) {
   const auto poses = [] {
     SyntheticScene scene(8000, -1.5, 4, 0.1, 5);

@@ -53,5 +53,22 @@ TEST(Initializer, ImagesOfDifferentPlacesAreRefused) {
   EXPECT_EQ(result.reason, "too_few_matches");
 }
 
+// A camera that drives forward: the first images soon share nothing with the current one, the last ones have no parallax.
+TEST(Initializer, FindsThePartnerThatSharesEnough) {
+  SyntheticScene scene(6000, -2, 10, 0.25, 5);
+  Initializer initializer({}, scene.Camera(), {});
+  for (int i = 0; i < 20; ++i) {  // nothing to see yet: seen from behind, no points
+    initializer.AddFrame(scene.View(NadirPose(-8, 0), i));
+  }
+  std::vector<Rigid3> poses;
+  Initialization result;
+  for (int i = 0; i < 12 && !result.success; ++i) {
+    poses.push_back(NadirPose(0.02 * i, 0.01 * i));
+    result = initializer.AddFrame(scene.View(poses.back(), 20 + i));
+  }
+  ASSERT_TRUE(result.success) << result.reason;
+  ExpectMotion(result, poses[result.first->index - 20], poses.back());
+}
+
 }  // namespace
 }  // namespace mapmend
