@@ -17,6 +17,8 @@ constexpr double kMinRayAngleCos = 0.99999;  // 0.26 degrees: nearer to parallel
 constexpr int kBundlePoints = 150;           // of an image determine the motion in bundle adjustment
 constexpr double kSameRotationRad = 0.02, kSameDirectionRad = 0.15;
 
+constexpr double kFarAway = 1e4;             // baselines: stands for the depth of points that have none
+
 using Judged = TwoViewCandidate;
 
 struct MatchedPixels {
@@ -24,19 +26,30 @@ struct MatchedPixels {
   std::vector<double> sigma_first, sigma_second;
 };
 
-// Triangulates every match under a motion and keeps those that fit.
+// Triangulates every match under a motion and keeps the points that fit. Matches too far away to have a depth fit as well if
+// the rotation alone explains them: a small true motion must not lose against a large wrong one that gives everything a depth.
 Judged Judge(const Pinhole& camera, const MatchedPixels& matches, const Rigid3& motion, double max_sigma) {
   Judged judged;
   judged.second_from_first = motion;
   const double limit = max_sigma * max_sigma;
+  const Rigid3 turn(motion.rotation, Eigen::Vector3d::Zero());
   std::vector<double> angles;
   for (size_t i = 0; i < matches.first.size(); ++i) {
-    const auto x = Triangulate(camera.Unproject(matches.first[i]), camera.Unproject(matches.second[i]), motion);
-    if (!x) continue;
-    if (ReprojectionChi2(camera, {}, *x, matches.first[i], matches.sigma_first[i]) > limit) continue;
-    if (ReprojectionChi2(camera, motion, *x, matches.second[i], matches.sigma_second[i]) > limit) continue;
-    const double cosine = CosIntersectionAngle(*x, Eigen::Vector3d::Zero(), motion.Center());
-    if (cosine > kMinRayAngleCos) continue;
+    const Eigen::Vector3d ray = camera.Unproject(matches.first[i]);
+    const auto fits = [&](const Rigid3& pose, const Eigen::Vector3d& x, const Eigen::Vector2d& pixel, double sigma) {
+      return (pose * x).z() > 0 && ReprojectionChi2(camera, pose, x, pixel, sigma) <= limit;
+    };
+    const bool fits_at_infinity = fits(turn, ray, matches.second[i], matches.sigma_second[i]);
+    const auto x = Triangulate(ray, camera.Unproject(matches.second[i]), motion);
+    const bool fits_as_point = x && fits({}, *x, matches.first[i], matches.sigma_first[i]) &&
+                               fits(motion, *x, matches.second[i], matches.sigma_second[i]);
+    if (!fits_as_point && !fits_at_infinity) continue;
+    const double cosine = fits_as_point ? CosIntersectionAngle(*x, Eigen::Vector3d::Zero(), motion.Center()) : 1;
+    if (cosine > kMinRayAngleCos) {
+      judged.far_matches.push_back(static_cast<int>(i));
+      judged.far_points.push_back(kFarAway * ray);
+      continue;
+    }
     angles.push_back(std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / M_PI);
     judged.matches.push_back(static_cast<int>(i));
     judged.points.push_back(*x);
@@ -78,6 +91,29 @@ bool SameMotion(const Rigid3& a, const Rigid3& b) {
          std::acos(std::clamp(a.translation.normalized().dot(b.translation.normalized()), -1.0, 1.0)) < kSameDirectionRad;
 }
 
+// The truly different motions, refined, those that explain most matches first.
+std::vector<Judged> RankMotions(const Pinhole& camera, const MatchedPixels& matches,
+                                const std::vector<TwoViewHypothesis>& hypotheses, double max_sigma) {
+  std::vector<Judged> candidates;
+  for (const TwoViewHypothesis& h : hypotheses) {
+    candidates.push_back(Judge(camera, matches, h.second_from_first, 2 * max_sigma));
+  }
+  const auto by_support = [](const Judged& a, const Judged& b) { return a.Support() > b.Support(); };
+  std::stable_sort(candidates.begin(), candidates.end(), by_support);
+  if (candidates.empty()) return candidates;
+  // Refinement draws like hypotheses together; only what could still win is refined.
+  const size_t enough = candidates[0].Support() / 2;
+  std::erase_if(candidates, [&](const Judged& j) { return j.Support() < enough; });
+  for (Judged& j : candidates) j = Refine(camera, matches, std::move(j), max_sigma);
+  std::stable_sort(candidates.begin(), candidates.end(), by_support);
+  std::vector<Judged> different;
+  for (Judged& j : candidates) {
+    const auto is_same = [&](const Judged& d) { return SameMotion(d.second_from_first, j.second_from_first); };
+    if (std::none_of(different.begin(), different.end(), is_same)) different.push_back(std::move(j));
+  }
+  return different;
+}
+
 }  // namespace
 
 void Initializer::DropBefore(const FramePtr& frame) {
@@ -105,10 +141,10 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
       break;
     }
     if (result.reason == "too_few_matches") result.reason = attempt.reason;
-    if (attempt.reason == "no_parallax") {
-      newest = i - 1;
-    } else {
+    if (attempt.reason == "too_few_matches") {
       oldest = i + 1;
+    } else {  // too little parallax to tell: an older one has more
+      newest = i - 1;
     }
   }
   frames_.push_back(frame);
@@ -122,10 +158,15 @@ int Initializer::SupportBetween(const Frame& first, const std::vector<Match>& fo
                                 const std::vector<FramePtr>& between) const {
   std::vector<int> features;
   std::map<int, Eigen::Vector3d> point_of;
-  for (size_t i = 0; i < candidate.matches.size(); ++i) {
-    features.push_back(found[candidate.matches[i]].a);
-    point_of[features.back()] = candidate.points[i];
-  }
+  const auto add = [&](const std::vector<int>& of, const std::vector<Eigen::Vector3d>& at) {
+    for (size_t i = 0; i < of.size(); ++i) {
+      features.push_back(found[of[i]].a);
+      point_of[features.back()] = at[i];
+    }
+  };
+  add(candidate.matches, candidate.points);
+  add(candidate.far_matches, candidate.far_points);
+  if (features.empty()) return 0;
   std::sort(features.begin(), features.end());
   int support = 0;
   for (const FramePtr& frame : between) {
@@ -176,45 +217,34 @@ Initialization Initializer::Try(const FramePtr& first, const FramePtr& second, c
   result.reason = "no_parallax";
   if (shifts[shifts.size() / 2] < options_.min_motion * camera_.width) return result;
 
-  std::vector<Judged> candidates;
-  for (const TwoViewHypothesis& h : ProposeTwoViewMotions(rays_first, rays_second, 1.5 / camera_.fx, options_.seed)) {
-    candidates.push_back(Judge(camera_, matches, h.second_from_first, 2 * options_.max_sigma));
-  }
-  const auto by_support = [](const Judged& a, const Judged& b) { return a.matches.size() > b.matches.size(); };
-  std::stable_sort(candidates.begin(), candidates.end(), by_support);
+  const std::vector<Judged> candidates = RankMotions(
+      camera_, matches, ProposeTwoViewMotions(rays_first, rays_second, 1.5 / camera_.fx, options_.seed), options_.max_sigma);
   result.reason = "too_few_matches";
-  if (candidates.empty() || static_cast<int>(candidates[0].matches.size()) < options_.min_points) return result;
-  // Refinement draws like hypotheses together; only what could still win is refined.
-  const size_t enough = candidates[0].matches.size() / 2;
-  std::erase_if(candidates, [&](const Judged& j) { return j.matches.size() < enough; });
-  for (Judged& j : candidates) j = Refine(camera_, matches, std::move(j), options_.max_sigma);
-  std::stable_sort(candidates.begin(), candidates.end(), by_support);
-  if (static_cast<int>(candidates[0].matches.size()) < options_.min_points ||
-      candidates[0].matches.size() * 2 < static_cast<size_t>(options_.min_matches)) {
-    return result;
+  const int min_support = std::max(options_.min_points, options_.min_matches / 2);
+  if (candidates.empty() || static_cast<int>(candidates[0].Support()) < min_support) return result;
+  // Other motions that explain nearly as much: frames between the two must tell.
+  std::vector<int> rivals;
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    const auto support = static_cast<double>(candidates[i].Support());
+    if (support > options_.ambiguity_ratio * static_cast<double>(candidates[0].Support())) rivals.push_back(static_cast<int>(i));
   }
-  result.reason = "no_parallax";
-  if (candidates[0].median_angle_deg < options_.min_median_angle_deg) return result;
-  // Another motion that explains nearly as much: frames between the two must tell.
-  const auto rivals = [&](const Judged& other) {
-    return !SameMotion(candidates[0].second_from_first, other.second_from_first) &&
-           static_cast<double>(other.matches.size()) >
-               options_.ambiguity_ratio * static_cast<double>(candidates[0].matches.size());
-  };
-  size_t winner = 0;
-  if (std::any_of(candidates.begin() + 1, candidates.end(), rivals)) {
-    result.reason = "ambiguous";
-    std::vector<int> support;
-    for (const Judged& j : candidates) support.push_back(SupportBetween(*first, found, j, between));
-    winner = std::max_element(support.begin(), support.end()) - support.begin();
-    for (size_t i = 0; i < candidates.size(); ++i) {
-      if (!SameMotion(candidates[winner].second_from_first, candidates[i].second_from_first) &&
-          support[i] >= options_.ambiguity_ratio * support[winner]) {
-        return result;
+  int winner = 0, best_support = 0, second_support = 0;
+  if (rivals.size() > 1) {
+    for (const int i : rivals) {
+      const int support = SupportBetween(*first, found, candidates[i], between);
+      if (support > best_support) {
+        second_support = best_support;
+        best_support = support;
+        winner = i;
+      } else {
+        second_support = std::max(second_support, support);
       }
     }
+    result.reason = "ambiguous";
+    if (second_support >= options_.ambiguity_ratio * best_support) return result;
   }
   const Judged& best = candidates[winner];
+  result.reason = "no_parallax";
   if (static_cast<int>(best.matches.size()) < options_.min_points || best.median_angle_deg < options_.min_median_angle_deg) {
     return result;
   }

@@ -37,9 +37,10 @@ struct Initialization {
 // A motion between two views and what it explains.
 struct TwoViewCandidate {
   Rigid3 second_from_first;                // |translation| = 1
-  std::vector<int> matches;                // indices of the inlier matches
-  std::vector<Eigen::Vector3d> points;     // of these, in the frame of the first camera
+  std::vector<int> matches, far_matches;   // indices of the matches that it explains, with and without a depth
+  std::vector<Eigen::Vector3d> points, far_points;  // of these, in the frame of the first camera
   double median_angle_deg = 0;             // between the rays to the points
+  size_t Support() const { return matches.size() + far_matches.size(); }
 };
 
 // Starts a submap from two views of the same ground. Frames since the loss are kept; each new one is tried against the oldest

@@ -44,6 +44,35 @@ TEST(Initializer, PureRotationIsRefused) {
   }
 }
 
+// A small step with a turn: a larger step with another turn explains two images nearly as well (the bas-relief ambiguity), and
+// gives everything a depth, while the true motion leaves most points without one.
+TEST(Initializer, ASmallMotionIsNotTakenForALargeOne) {
+  int refused = 0;
+  for (int trial = 0; trial < 12; ++trial) {
+    SyntheticScene scene(3000, -3, 4, 0.2, 100 + trial);
+    Random random(trial);
+    const auto direction = [&] {
+      return Eigen::Vector3d(random.Uniform() - 0.5, random.Uniform() - 0.5, random.Uniform() - 0.5).normalized();
+    };
+    const Eigen::Vector3d axis = direction(), step = 0.02 * direction();
+    Initializer initializer({}, scene.Camera(), {});
+    std::vector<Rigid3> poses;
+    Initialization result;
+    for (int i = 0; i < 4; ++i) {
+      poses.push_back(Rigid3(Eigen::Quaterniond(Eigen::AngleAxisd(0.035 * i, axis)), i * step) * NadirPose(0, 0));
+      result = initializer.AddFrame(scene.View(poses.back(), i));
+      if (result.success) break;
+    }
+    if (!result.success) {
+      ++refused;
+      continue;
+    }
+    const Rigid3 truth = poses[result.second->index] * poses[result.first->index].Inverse();
+    EXPECT_LT(RotationAngle(result.second_from_first.rotation * truth.rotation.conjugate()), 0.01) << trial;
+  }
+  std::cout << "REFUSED " << refused << std::endl;
+}
+
 TEST(Initializer, ImagesOfDifferentPlacesAreRefused) {
   SyntheticScene scene(3000, -10, 10, 0.1, 4);
   Initializer initializer({}, scene.Camera(), {});
