@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
+#include <limits>
+#include <optional>
 
 #include "libs/geometry/pnp.h"
 #include "libs/geometry/triangulation.h"
@@ -47,7 +48,7 @@ Judged Judge(const Pinhole& camera, const MatchedPixels& matches, const Rigid3& 
     const double cosine = fits_as_point ? CosIntersectionAngle(*x, Eigen::Vector3d::Zero(), motion.Center()) : 1;
     if (cosine > kMinRayAngleCos) {
       judged.far_matches.push_back(static_cast<int>(i));
-      judged.far_points.push_back(kFarAway * ray);
+      judged.far_points.push_back(fits_as_point ? *x : kFarAway * ray);
       continue;
     }
     angles.push_back(std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / M_PI);
@@ -63,13 +64,16 @@ Judged Judge(const Pinhole& camera, const MatchedPixels& matches, const Rigid3& 
 
 // Two-view bundle adjustment of the inliers, then all matches judged anew. |translation| is brought back to 1.
 Judged Refine(const Pinhole& camera, const MatchedPixels& matches, Judged judged, double max_sigma) {
-  for (int round = 0; round < 2 && judged.matches.size() >= 20; ++round) {
+  for (int round = 0; round < 2 && judged.Support() >= 20; ++round) {
     BundleProblem problem;
     problem.cameras = {camera};
     problem.poses = {{Rigid3(), true, 0}, {judged.second_from_first, false, 0}};
     problem.points = judged.points;
-    for (size_t i = 0; i < judged.matches.size(); ++i) {
-      const int m = judged.matches[i], point = static_cast<int>(i);
+    problem.points.insert(problem.points.end(), judged.far_points.begin(), judged.far_points.end());
+    std::vector<int> all = judged.matches;
+    all.insert(all.end(), judged.far_matches.begin(), judged.far_matches.end());
+    for (size_t i = 0; i < all.size(); ++i) {
+      const int m = all[i], point = static_cast<int>(i);
       problem.observations.push_back({0, point, matches.first[m], matches.sigma_first[m]});
       problem.observations.push_back({1, point, matches.second[m], matches.sigma_second[m]});
     }
@@ -152,31 +156,41 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
   return result;
 }
 
-// Points of a candidate, seen from the frames between its two: how many of them lie where a pose of each such frame puts them.
-// A wrong motion with as many inliers in two images has its points at wrong depths, which no pose of a third explains.
-int Initializer::SupportBetween(const Frame& first, const std::vector<Match>& found, const Judged& candidate,
-                                const std::vector<FramePtr>& between) const {
+// What a motion leaves unexplained in the two views and in frames between them: the sum of squared errors in sigma, each cut
+// off at the limit of an inlier, over all matches. A wrong motion that fits two images nearly as well has its points at wrong
+// depths, which no pose of a third explains.
+double Initializer::Misfit(const Frame& first, const Frame& second, const std::vector<Match>& found, const Judged& candidate,
+                           const std::vector<FramePtr>& between) const {
+  const double limit = options_.max_sigma * options_.max_sigma;
+  std::vector<std::optional<Eigen::Vector3d>> point_of(first.features.Size());
   std::vector<int> features;
-  std::map<int, Eigen::Vector3d> point_of;
   const auto add = [&](const std::vector<int>& of, const std::vector<Eigen::Vector3d>& at) {
-    for (size_t i = 0; i < of.size(); ++i) {
-      features.push_back(found[of[i]].a);
-      point_of[features.back()] = at[i];
-    }
+    for (size_t i = 0; i < of.size(); ++i) point_of[found[of[i]].a] = at[i];
   };
   add(candidate.matches, candidate.points);
   add(candidate.far_matches, candidate.far_points);
-  if (features.empty()) return 0;
+  const auto misfit = [&](const Rigid3& pose, const Frame& frame, int a, int b) {
+    if (!point_of[a] || (pose * *point_of[a]).z() <= 0) return limit;
+    const Keypoint& keypoint = frame.features.keypoints[b];
+    return std::min(limit, ReprojectionChi2(camera_, pose, *point_of[a], keypoint.pixel.cast<double>(),
+                                            pyramid_.Sigma(keypoint.octave)));
+  };
+  double sum = 0;
+  for (const Match& m : found) {
+    sum += misfit({}, first, m.a, m.a) + misfit(candidate.second_from_first, second, m.a, m.b);
+    features.push_back(m.a);
+  }
   std::sort(features.begin(), features.end());
-  int support = 0;
   for (const FramePtr& frame : between) {
+    const std::vector<Match> matches = MatchBruteForce(first.features, frame->features, {}, features);
     std::vector<Eigen::Vector3d> points;
     std::vector<Eigen::Vector2d> pixels;
     std::vector<double> sigmas;
     std::vector<PoseObservation> observations;
-    for (const Match& m : MatchBruteForce(first.features, frame->features, {}, features)) {
+    for (const Match& m : matches) {
+      if (!point_of[m.a]) continue;
       const Keypoint& keypoint = frame->features.keypoints[m.b];
-      points.push_back(point_of.at(m.a));
+      points.push_back(*point_of[m.a]);
       pixels.push_back(keypoint.pixel.cast<double>());
       sigmas.push_back(pyramid_.Sigma(keypoint.octave));
       observations.push_back({points.back(), pixels.back(), sigmas.back()});
@@ -184,11 +198,11 @@ int Initializer::SupportBetween(const Frame& first, const std::vector<Match>& fo
     PnpOptions pnp_options;
     pnp_options.seed = options_.seed;
     const PnpResult pnp = SolvePnpRansac(camera_, points, pixels, sigmas, pnp_options);
-    if (!pnp.success) continue;
-    const PoseOptimizationResult pose = OptimizePose(camera_, pnp.cam_from_world, observations, {});
-    if (pose.success) support += pose.num_inliers;
+    const PoseOptimizationResult pose =
+        pnp.success ? OptimizePose(camera_, pnp.cam_from_world, observations, {}) : PoseOptimizationResult();
+    for (const Match& m : matches) sum += pose.success ? misfit(pose.cam_from_world, *frame, m.a, m.b) : limit;
   }
-  return support;
+  return sum;
 }
 
 Initialization Initializer::Try(const FramePtr& first, const FramePtr& second, const std::vector<FramePtr>& between) const {
@@ -228,20 +242,21 @@ Initialization Initializer::Try(const FramePtr& first, const FramePtr& second, c
     const auto support = static_cast<double>(candidates[i].Support());
     if (support > options_.ambiguity_ratio * static_cast<double>(candidates[0].Support())) rivals.push_back(static_cast<int>(i));
   }
-  int winner = 0, best_support = 0, second_support = 0;
+  int winner = 0;
   if (rivals.size() > 1) {
+    double least = std::numeric_limits<double>::infinity(), second_least = least;
     for (const int i : rivals) {
-      const int support = SupportBetween(*first, found, candidates[i], between);
-      if (support > best_support) {
-        second_support = best_support;
-        best_support = support;
+      const double misfit = Misfit(*first, *second, found, candidates[i], between);
+      if (misfit < least) {
+        second_least = least;
+        least = misfit;
         winner = i;
       } else {
-        second_support = std::max(second_support, support);
+        second_least = std::min(second_least, misfit);
       }
     }
     result.reason = "ambiguous";
-    if (second_support >= options_.ambiguity_ratio * best_support) return result;
+    if (options_.max_misfit_ratio * second_least < least) return result;
   }
   const Judged& best = candidates[winner];
   result.reason = "no_parallax";

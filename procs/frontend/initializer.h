@@ -16,7 +16,8 @@ struct InitializerOptions {
   int min_points = 50;
   double min_median_angle_deg = 1.5; // between the rays to the points
   double min_motion = 0.02;          // median shift of matches, of the image width: less is not worth a trial
-  double ambiguity_ratio = 0.8;      // a second, different motion with this share of the best one's points: ambiguous
+  double ambiguity_ratio = 0.8;      // a second, different motion that explains this share of the best one's matches is a rival
+  double max_misfit_ratio = 0.67;    // the best one's squared errors must be below this share of each rival's, else: ambiguous
   double max_sigma = 2.4477;         // reprojection error of an inlier, in sigma of its octave
   uint64_t seed = 1;
 };
@@ -61,8 +62,8 @@ class Initializer {
 
  private:
   Initialization Try(const FramePtr& first, const FramePtr& second, const std::vector<FramePtr>& between) const;
-  int SupportBetween(const Frame& first, const std::vector<Match>& found, const TwoViewCandidate& candidate,
-                     const std::vector<FramePtr>& between) const;
+  double Misfit(const Frame& first, const Frame& second, const std::vector<Match>& found, const TwoViewCandidate& candidate,
+                const std::vector<FramePtr>& between) const;
 
   InitializerOptions options_;
   Pinhole camera_;
