@@ -26,6 +26,12 @@ void AddRunCommand(CLI::App* app) {
   sub->add_option("--features", options->features, "features per frame (default: the frontend's)");
   sub->add_option("--max-dimension", options->max_dimension,
                   "larger images are scaled down to this width or height, pixels; 0: never");
+  sub->add_option("--lost-frames", options->lost_frames,
+                  "consecutive frames without orientation that end a submap (default: 3)")
+      ->check(CLI::Range(1, 100000));
+  sub->add_option("--relocalisation-frames", options->relocalisation_frames,
+                  "further frames in which a lost submap may be found again, unless a new one begins before (default: 10)")
+      ->check(CLI::Range(0, 100000));
   sub->add_option("--seed", options->seed, "of everything random; the same seed gives the same map");
   sub->add_option("--record", options->record, "folder: lcm-logger writes mapmend.lcmlog there, for `mapmend replay`");
   const auto lockstep = std::make_shared<bool>(false);

@@ -36,6 +36,9 @@ std::string SessionOf(const RunOptions& options) {
   if (std::filesystem::is_regular_file(input)) text += "|" + std::to_string(std::filesystem::file_size(input));
   for (const std::string& option : {options.skip_frames, options.vehicle}) text += "|" + option;
   for (const auto& number : {options.seed, options.features, options.max_dimension}) text += "|" + std::to_string(number.value_or(-1));
+  for (const auto& number : {options.lost_frames, options.relocalisation_frames}) {
+    if (number) text += "|" + std::to_string(*number);
+  }
   if (options.realtime) text += "|realtime";
   return SessionIdFromText(text);
 }
@@ -63,6 +66,8 @@ std::vector<std::string> FrontendArguments(const RunOptions& options, const std:
   add_number("--seed", options.seed);
   add_number("--features", options.features);
   add_number("--max-dimension", options.max_dimension);
+  add_number("--lost-frames", options.lost_frames);
+  add_number("--relocalisation-frames", options.relocalisation_frames);
   return argv;
 }
 

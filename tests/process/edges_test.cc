@@ -26,7 +26,7 @@ class Edges : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = new TemporaryFolder;
-    const CommandResult run = Call({"run", kFlight + "video.mp4", "--skip-frames", "0-55,106-171", "--seed", "1", "--port", "0",
+    const CommandResult run = Call({"run", kFlight + "video.mp4", "--skip-frames", "0-55,74-83,106-171", "--seed", "1", "--port", "0",
                                     "--out", *folder_ / "flown", "--record", *folder_ / "log"});
     ASSERT_EQ(run.exit_code, 0) << run.output;
     ASSERT_EQ(Summary(*folder_ / "flown").at("components").size(), 1u);

@@ -48,7 +48,7 @@ std::string Hash(const std::string& db) { return RunCommand({kProgram, "db", "ha
 TEST(Replay, TheMapIsTheSameAtEverySpeedAndAfterRestartsOfMergerAndStore) {
   const TemporaryFolder folder;
   // The last strip of the first flight and the first strips of the second: two submaps that become one map.
-  const CommandResult recorded = RunCommand({kProgram, "run", kFlight + "video.mp4", "--skip-frames", "0-55,106-171", "--seed", "1",
+  const CommandResult recorded = RunCommand({kProgram, "run", kFlight + "video.mp4", "--skip-frames", "0-55,74-83,106-171", "--seed", "1",
                                              "--port", "0", "--out", folder / "flown", "--record", folder / "log"},
                                             240);
   ASSERT_EQ(recorded.exit_code, 0) << recorded.output;

@@ -25,7 +25,7 @@ std::vector<std::string> RunArguments(const std::string& out) {
           "run",
           kFlight + "video.mp4",
           "--skip-frames",
-          "0-39,131-171",
+          "0-39,74-83,131-171",
           "--seed",
           "1",
           "--port",
