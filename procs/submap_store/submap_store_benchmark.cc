@@ -428,7 +428,7 @@ BENCHMARK(BM_InsertInMemory)->Arg(1000)->Arg(10000)->Arg(100000)->Iterations(100
 BENCHMARK(BM_IndexQuery)->Arg(1000)->Arg(10000)->Arg(100000)->Iterations(200)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_Query)->Arg(1000)->Arg(10000)->Arg(100000)->Iterations(480)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_Reopen)->Arg(1000)->Arg(10000)->Arg(100000)->Iterations(1)->UseManualTime()->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_InsertWithCommit)->Arg(1000)->Arg(10000)->Iterations(1)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_InsertWithCommit)->Arg(1000)->Arg(10000)->Arg(100000)->Iterations(1)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_DiskLatency)->Iterations(1)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_WriteLatency)->Iterations(1)->Unit(benchmark::kMillisecond);
 
