@@ -32,7 +32,9 @@ struct AerialOptions {
   // Shares of the blocks.
   double houses = 3, park = 2, fields = 2, marsh = 1, forest = 1;
   double trees = 1;     // how many, as a multiple of the usual
-  double grain = 0.25;  // contrast of the ground's finest pattern
+  double foliage = 0.5;  // contrast of single leaves and blades, which change with the direction of view, at most 0.9
+  double leaf_angle = 0.8, leaf_time = 30;  // how long one is seen: tangent of a direction, seconds of wind
+  double grain = 0.35;  // contrast of the ground's finest pattern
   double roughness =
       0;  // of reed, crops and undergrowth, metres: real relief, with light and shade, and slower to render
   std::vector<Lake> lakes;
@@ -75,6 +77,7 @@ class AerialLayout {
     double u = 0, v = 0;  // coordinates along the bent road grid, metres
     double road = 0;      // distance to the middle of the nearest road, metres
     double along = 0;     // position along it
+    uint64_t road_seed = 0;
     bool crossing = false;
     int64_t block_x = 0, block_y = 0;
     Land land = Land::kPark;

@@ -80,8 +80,16 @@ AerialLayout::Place AerialLayout::At(double x, double y) const {
   place.block_y = static_cast<int64_t>(std::floor(place.v / s));
   const auto nearest = [s](double v) { return std::abs(v - s * std::floor(v / s + 0.5)); };
   const double du = nearest(place.u), dv = nearest(place.v);
-  place.road = std::min(du, dv);
-  place.along = du < dv ? place.v : place.u;
+  const auto road = [&](uint64_t direction, double v) {
+    return Hash(options_.seed + 41, direction, static_cast<uint64_t>(static_cast<int64_t>(std::floor(v / s + 0.5))));
+  };
+  // Where two roads cross, one of them goes through.
+  const uint64_t road_u = road(1, place.u), road_v = road(2, place.v);
+  bool along_v = du < dv;
+  if (std::max(du, dv) < 4.4) along_v = road_u < road_v ? du < 3.4 || du < dv : dv >= 3.4 && du < dv;
+  place.road = along_v ? du : dv;
+  place.along = along_v ? place.v : place.u;
+  place.road_seed = along_v ? road_u : road_v;
   place.crossing = du < 7 && dv < 7;
   place.land = LandOf(place.block_x, place.block_y);
   place.seed = Hash(options_.seed, static_cast<uint64_t>(place.block_x), static_cast<uint64_t>(place.block_y));

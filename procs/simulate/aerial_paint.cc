@@ -17,6 +17,14 @@ double Smooth(double low, double high, double v) {
   return t * t * (3 - 2 * t);
 }
 
+constexpr double kLawnLeaves = 0.2, kCropLeaves = 0.13, kMarshLeaves = 0.7, kTreeLeaves = 0.8;
+
+// Alpha: how much of the place is leaves and blades.
+Color Leafy(Color color, double share) {
+  color[3] = static_cast<float>(255 * share);
+  return color;
+}
+
 // Slow changes of brightness and of the balance of green and red, as in any meadow.
 Color Tint(double x, double y, double amount, uint64_t seed) {
   const double light = Fbm(x / 9, y / 9, 4, 0.6, seed), hue = Fbm(x / 31, y / 31, 3, 0.6, seed + 1);
@@ -39,17 +47,18 @@ class Ground {
     const double worn = Smooth(0.28, 0.4, Fbm(x_ / 14, y_ / 14, 5, 0.6, seed_ + 13));
     Color color = Blend(Blend(At(materials_.lawn, 1), At(materials_.meadow, 2), lush), At(materials_.dry_lawn, 3), dry);
     color = Blend(color, At(materials_.dry_lawn, 4) * Color{1.08f, 0.96f, 0.92f, 1}, worn);
-    return color * Tint(x_, y_, 0.16, seed_ + 14);
+    return Leafy(color * Tint(x_, y_, 0.16, seed_ + 14), kLawnLeaves * (1 + 0.6 * lush - 0.4 * worn));
   }
   Color Marsh() const {
     const double wet = Fbm(x_ / 38, y_ / 38, 5, 0.55, seed_ + 15);
     const Color reed = At(materials_.marsh, 5) * Tint(x_, y_, 0.14, seed_ + 16);
     const Color green = At(materials_.bush, 6) * Tint(x_, y_, 0.2, seed_ + 17);
-    return Blend(reed, green, Smooth(0.02, 0.08, wet));
+    return Leafy(Blend(reed, green, Smooth(0.02, 0.08, wet)), kMarshLeaves);
   }
   Color Forest() const {
     const Color floor = At(materials_.marsh, 7) * Color{0.62f, 0.62f, 0.5f, 1};
-    return Blend(floor, At(materials_.bush, 8) * 0.8f, Smooth(-0.1, 0.1, Fbm(x_ / 12, y_ / 12, 5, 0.6, seed_ + 18)));
+    return Leafy(
+        Blend(floor, At(materials_.bush, 8) * 0.8f, Smooth(-0.1, 0.1, Fbm(x_ / 12, y_ / 12, 5, 0.6, seed_ + 18))), kMarshLeaves);
   }
   // Strips of crops, each ploughed along its own direction, with ridges between them.
   Color Fields(const AerialLayout::Place& place) const {
@@ -96,19 +105,38 @@ class Ground {
     const double shade = 0.82 + 0.34 * Unit(Hash(field, 4));
     const double ridge = std::min({a - low, high - a, b - start, end - b});
     color = color * static_cast<float>(shade) * Tint(x_, y_, 0.13, field);
+    color = Leafy(color, kind < 0.6 ? kCropLeaves : 1.6 * kCropLeaves);
     if (ridge < 0.5)
       color = Blend(color, At(materials_.meadow, 16) * (Unit(Hash(field, 6)) < 0.5 ? 0.7f : 1.05f), 0.85);
     return color;
   }
+  // Each road is of its own kind: asphalt with a pavement, asphalt with a ragged edge, or gravel with a grass strip.
   Color Road(const AerialLayout::Place& place) const {
-    if (place.road > 3.4)
-      return place.road < 3.7 ? Concrete(x_, y_, seed_) : Concrete(place.road, place.along, seed_ + 1);
-    const Color base = Asphalt(x_, y_, seed_ + 21);
+    Random random(place.road_seed);
+    const double kind = random.Uniform(), half = random.Uniform(2.4, 3.2), tone = random.Uniform(0.72, 1.18);
+    const double ragged = 0.5 * Fbm(x_ / 1.7, y_ / 1.7, 4, 0.65, seed_ + 25), road = place.road + ragged;
+    const double patch = Fbm(x_ / 11, y_ / 11, 4, 0.6, seed_ + 26);
+    const auto worn = static_cast<float>(tone * (1 + 0.1 * patch));
+    if (kind > 0.7) {
+      const Color gravel = Blend(Concrete(x_ + 0.31 * y_, y_, seed_ + 27), At(materials_.dry_lawn, 17), 0.55) *
+                           Color{0.98f, 0.9f, 0.8f, 1} * worn;
+      const Color grass = Park();
+      return Blend(Blend(gravel, grass, Smooth(half - 0.7, half, road)), grass,
+                   Smooth(0.5, 0.15, road + 0.3 * patch));
+    }
+    const Color base = Asphalt(x_, y_, seed_ + 21) * worn;
+    if (place.road > half && kind < 0.35 && place.road < 4.4) {
+      return place.road < half + 0.2 ? Concrete(x_, y_, seed_) * 0.95f
+                                     : Concrete(place.road, place.along, seed_ + 1) * static_cast<float>(0.8 + 0.2 * tone);
+    }
+    if (road > half) return Blend(base, Park(), Smooth(half, half + 0.4, road));
     const Color paint = Rgb(215, 213, 200);
-    const double worn = Fbm(x_ / 0.8, y_ / 0.8, 3, 0.6, seed_ + 22) > -0.3 ? 0.8 : 0.3;
+    const double flaked = Fbm(x_ / 0.8, y_ / 0.8, 3, 0.6, seed_ + 22) + random.Uniform(-0.5, 0.3) > -0.2 ? 0.65 : 0.1;
     const double dash = place.along / 9 - std::floor(place.along / 9);
-    if (!place.crossing && ((place.road < 0.09 && dash < 0.4) || std::abs(place.road - 3.1) < 0.07))
-      return Blend(base, paint, worn);
+    const bool lines = random.Uniform() < 0.6;
+    if (lines && !place.crossing &&
+        ((place.road < 0.08 && dash < 0.4) || std::abs(place.road - (half - 0.3)) < 0.06))
+      return Blend(base, paint, flaked);
     return base;
   }
 
@@ -159,7 +187,7 @@ Color GroundCover(const AerialLayout& layout, const MaterialLibrary& materials, 
     const double shore = layout.LakeDistance(lake, x, y);
     if (shore > 1.06) continue;
     const Color water = Rgb(104, 132, 118);
-    if (shore < 1) return water;
+    if (shore < 1) return Leafy(water, 0);
     return Blend(water, Ground(layout, materials, x, y).Marsh() * 0.8f, (shore - 1) / 0.06 + 0.3);
   }
   if (options.repeat_x > 0) x -= options.repeat_x * std::floor((x - options.x0) / options.repeat_x);
@@ -189,7 +217,8 @@ Color GroundCover(const AerialLayout& layout, const MaterialLibrary& materials, 
   // words.
   const double grain = Fbm(x / 0.75, y / 0.75, 3, 0.75, Hash(options.seed, 23));
   const double patchy = 0.6 + 0.8 * Fbm(x / 13, y / 13, 2, 0.5, Hash(options.seed, 24));
-  return Blend(color, ground.Park(), verge) * static_cast<float>(1 + options.grain * patchy * grain);
+  color = Blend(color, ground.Park(), verge);
+  return Leafy(color * static_cast<float>(1 + options.grain * patchy * grain), color[3] / 255);
 }
 
 void PaintPads(const AerialLayout& layout, const MaterialLibrary& materials, int begin, int end, Image* image) {
@@ -212,6 +241,7 @@ void PaintPads(const AerialLayout& layout, const MaterialLibrary& materials, int
                                static_cast<float>(0.85 + 0.25 * Unit(Hash(seed)));
                        color = Blend(color, materials.bush.At(x / kPhotoTexel, y / kPhotoTexel, seed + 1) * 0.75f,
                                      Smooth(0.34, 0.42, Fbm(x / 5, y / 5, 4, 0.6, seed + 2)));
+                       color = Leafy(color, 1.1 * kLawnLeaves);
                        if (pad.half_x - std::abs(u) < 0.15) color = Rgb(96, 84, 70);
                        break;
                      }
@@ -233,6 +263,7 @@ void PaintPads(const AerialLayout& layout, const MaterialLibrary& materials, int
                        color = std::abs(u + Fbm(v / 25, 0.5, 2, 0.5, seed)) < 0.7 ? Concrete(u, v, seed) : old;
                        break;
                    }
+                   if (pad.kind != Pad::Kind::kYard && pad.kind != Pad::Kind::kPath) color[3] = 0;
                    *texel = Pack(color);
                  });
   }
@@ -254,8 +285,8 @@ void PaintTrees(const AerialLayout& layout, const MaterialLibrary& materials, in
                    const double edge = std::hypot(x - tree.x, y - tree.y) + 2 * ragged;
                    if (crown <= 0 && edge > tree.radius) return;
                    const Color leaves = materials.crown.At(x / kPhotoTexel, y / kPhotoTexel, tree.seed) * tint;
-                   const double bright = crown <= 0 ? 0.55 : 0.6 + 0.55 * crown / tree.height;
-                   *texel = Pack(leaves * static_cast<float>(bright));
+                   const double bright = crown <= 0 ? 0.7 : 0.85 + 0.55 * crown / tree.height;
+                   *texel = Pack(Leafy(leaves * static_cast<float>(bright), kTreeLeaves));
                  });
   }
 }

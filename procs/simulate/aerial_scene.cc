@@ -10,9 +10,11 @@ const Eigen::Vector3d kSun = Eigen::Vector3d(0.45, -0.35, 0.82).normalized();
 
 // Stored brightness of a surface with this normal: sky light and, unless in shadow, the sun. 1 for level ground in the
 // sun.
-double Light(const Eigen::Vector3d& normal, double sun) {
+// scatter: how far light goes round edges, as it does in leaves.
+double Light(const Eigen::Vector3d& normal, double sun, double scatter = 0) {
   const double sky = 0.30 * (0.6 + 0.4 * normal.z());
-  const double direct = 0.70 * sun * std::max(0.0, normal.dot(kSun)) / kSun.z();
+  const double direct =
+      0.70 * sun * std::max(0.0, normal.dot(kSun) + scatter) / (1 + scatter) / (kSun.z() + scatter) * (1 + scatter);
   return std::sqrt(sky + direct);  // half-way between light and stored value, as cameras brighten shadows
 }
 
@@ -122,7 +124,7 @@ std::vector<float> MakeLight(const AerialLayout& layout, const HeightGrid& grid,
           const double above = top.At(si, sj) - ray;
           if (above > 0) sun = std::min(sun, std::max(0.12, 1 - above / 0.5));
         }
-        light[static_cast<size_t>(j) * grid.width + i] = static_cast<float>(std::min(1.25, Light(normal, sun)));
+        light[static_cast<size_t>(j) * grid.width + i] = static_cast<float>(std::min(1.25, Light(normal, sun, normal.z() < 0.8 ? 0.6 : 0)));
       }
     }
   });
@@ -264,7 +266,8 @@ std::unique_ptr<Scene> BuildAerialScene(const AerialOptions& options, const Mate
         const auto fx = static_cast<float>(gx - column);
         const float* l = light.data() + static_cast<size_t>(row) * grid.width + column;
         const float a = l[0] + (l[1] - l[0]) * fx, b = l[grid.width] + (l[grid.width + 1] - l[grid.width]) * fx;
-        ground.At(i, j) = Pack(Unpack(ground.At(i, j)) * (a + (b - a) * fy));
+        const uint32_t leaves = ground.At(i, j) & 0xff000000u;
+        ground.At(i, j) = (Pack(Unpack(ground.At(i, j)) * (a + (b - a) * fy)) & 0xffffffu) | leaves;
       }
     }
   });
@@ -282,6 +285,10 @@ std::unique_ptr<Scene> BuildAerialScene(const AerialOptions& options, const Mate
   }
   scene->detail = std::make_shared<Texture>(std::move(grey));
   scene->ground_detail = 0.5f;
+  scene->foliage = static_cast<float>(options.foliage);
+  scene->leaf_angle = options.leaf_angle;
+  scene->leaf_time = options.leaf_time;
+  scene->ground_repeat = options.repeat_x / options.texel;
   AddHouses(layout, bare, scene.get());
   AddCars(layout, bare, scene.get());
   scene->Build();

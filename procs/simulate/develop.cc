@@ -37,6 +37,28 @@ void Renderer::Project(const Motion& motion, const float* p, float* u, float* v)
   *v = static_cast<float>(pixel.y());
 }
 
+Color Renderer::MotionOf(int x, int y) const {
+  const size_t i = static_cast<size_t>(y) * camera_.width + x;
+  const float distance = std::min(distance_[i], 1e5f);
+  const float point[3] = {rays_[i].x() * distance, rays_[i].y() * distance, rays_[i].z() * distance};
+  float x0, y0, x1, y1;
+  Project(rows_[y].begin, point, &x0, &y0);
+  Project(rows_[y].end, point, &x1, &y1);
+  const float fx = static_cast<float>(x), fy = static_cast<float>(y);
+  return Color{x0 - fx, y0 - fy, x1 - fx, y1 - fy};
+}
+
+bool Renderer::IsStill(int x0, int y0, int x1, int y1) const {
+  if (!options_.motion_blur || options_.exposure <= 0) return true;
+  for (const int y : {y0, y1}) {
+    for (const int x : {x0, x1}) {
+      const Color m = MotionOf(x, y);
+      if ((m[2] - m[0]) * (m[2] - m[0]) + (m[3] - m[1]) * (m[3] - m[1]) > 0.24f) return false;
+    }
+  }
+  return true;
+}
+
 void Renderer::BlurRow(int y, Color* blurred) const {
   const int width = camera_.width, height = camera_.height;
   const size_t row = static_cast<size_t>(y) * width;
@@ -44,37 +66,24 @@ void Renderer::BlurRow(int y, Color* blurred) const {
     for (int x = 0; x < width; ++x) blurred[x] = UnpackLight(light_[row + x]);
     return;
   }
-  const auto motion = [&](int x) {
-    const size_t i = row + x;
-    const float distance = std::min(distance_[i], 1e5f);
-    const float point[3] = {rays_[i].x() * distance, rays_[i].y() * distance, rays_[i].z() * distance};
-    float x0, y0, x1, y1;
-    Project(rows_[y].begin, point, &x0, &y0);
-    Project(rows_[y].end, point, &x1, &y1);
-    const float fx = static_cast<float>(x), fy = static_cast<float>(y);
-    return Color{x0 - fx, y0 - fy, x1 - fx, y1 - fy};
-  };
   const uint8_t* plain = plain_.data() + static_cast<size_t>(y / kTile) * ((width + kTile - 1) / kTile);
   Color tile_motion = {}, tile_step = {};
   for (int x = 0; x < width; ++x) {
     const size_t i = row + x;
     const float fx = static_cast<float>(x), fy = static_cast<float>(y);
     Color offset;
+    if (plain[x / kTile] == kStill) {
+      for (const int end = std::min(x + kTile, width); x < end; ++x) blurred[x] = UnpackLight(light_[row + x]);
+      --x;
+      continue;
+    }
     if (!plain[x / kTile]) {
-      offset = motion(x);
+      offset = MotionOf(x, y);
     } else {
       if (x % kTile == 0) {
         const int last = std::min(x + kTile, width) - 1;
-        tile_motion = motion(x);
-        const Color last_motion = motion(last);
-        const auto shorter = [](const Color& m) {
-          return (m[2] - m[0]) * (m[2] - m[0]) + (m[3] - m[1]) * (m[3] - m[1]) < 0.25f;
-        };
-        if (shorter(tile_motion) && shorter(last_motion)) {
-          for (; x < last; ++x) blurred[x] = UnpackLight(light_[row + x]);
-          blurred[x] = UnpackLight(light_[row + x]);
-          continue;
-        }
+        tile_motion = MotionOf(x, y);
+        const Color last_motion = MotionOf(last, y);
         tile_step = last > x ? (last_motion - tile_motion) * (1.f / static_cast<float>(last - x)) : Color{};
       }
       offset = tile_motion + tile_step * static_cast<float>(x % kTile);
@@ -116,9 +125,10 @@ void Renderer::ExposeRow(int y, const SensorState& sensor, Color* row) const {
   const float falloff = sensor.vignetting / (cx * cx + cy * cy);
   const float dy = static_cast<float>(y) - cy;
   const Color gain = Rgb(sensor.gain[0], sensor.gain[1], sensor.gain[2]);
+  const Color haze = Rgb(168 * 168, 161 * 161, 166 * 166) * options_.haze;
   for (int x = 0; x < width; ++x) {
     const float dx = static_cast<float>(x) - cx;
-    const Color value = row[x] * gain * (1.f - falloff * (dx * dx + dy * dy));
+    const Color value = (row[x] * (1.f - options_.haze) + haze) * gain * (1.f - falloff * (dx * dx + dy * dy));
     row[x] = SquareRoot(value);
   }
 }

@@ -91,14 +91,14 @@ MaterialLibrary::MaterialLibrary(const std::string& folder)
 
 Color Asphalt(double x, double y, uint64_t seed) {
   const double patch = Fbm(x / 6, y / 6, 3, 0.6, seed), grain = Grain(x, y, 0.06, seed + 1);
-  const double crack = std::abs(Fbm(x / 3.1, y / 3.1, 4, 0.55, seed + 2)) < 0.012 ? -0.16 : 0;
+  const double crack = std::abs(Fbm(x / 3.1, y / 3.1, 4, 0.55, seed + 2)) < 0.012 ? -0.05 : 0;
   return Grey(Rgb(134, 134, 138), 0.10 * patch + 0.05 * grain + crack);
 }
 
 Color Concrete(double x, double y, uint64_t seed) {
   const double stain = Fbm(x / 2.3, y / 2.3, 4, 0.6, seed);
   const auto joint = [](double v) { return v - std::floor(v) < 0.04; };
-  const double line = joint(x / 1.5) || joint(y / 1.5) ? -0.12 : 0;
+  const double line = joint(x / 1.5) || joint(y / 1.5) ? -0.05 : 0;
   return Grey(Rgb(196, 192, 182), 0.09 * stain + 0.03 * Grain(x, y, 0.05, seed) + line);
 }
 

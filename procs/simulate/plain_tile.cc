@@ -5,6 +5,71 @@
 #include "procs/simulate/renderer.h"
 
 namespace mapmend::simulate {
+namespace {
+
+// False if nothing grows between the four corners, by a look at a level coarse enough that they are neighbours.
+bool Grows(const Texture& texture, int level, const double* u, const double* v) {
+  level = std::min(level + 4, texture.NumLevels() - 1);
+  const Image& image = texture.Level(level);
+  const double scale = std::ldexp(1.0, -level);
+  const auto [low_u, high_u] = std::minmax({u[0], u[1], u[2], u[3]});
+  const auto [low_v, high_v] = std::minmax({v[0], v[1], v[2], v[3]});
+  const auto cell = [scale](double texel, int count) {
+    return std::clamp(static_cast<int>((texel + 0.5) * scale), 0, count - 1);
+  };
+  for (int j = cell(low_v - 1, image.height); j <= cell(high_v + 1, image.height); ++j) {
+    for (int i = cell(low_u - 1, image.width); i <= cell(high_u + 1, image.width); ++i) {
+      if (image.At(i, j) >> 24 != 0) return true;
+    }
+  }
+  return false;
+}
+
+// One level of leaves under a tile: the cells are computed once, then read by every pixel.
+class TileLeaves {
+ public:
+  // u, v: corners of the tile; origin: what coordinates given to At are relative to. False if there are too many cells.
+  bool Fill(const double* u, const double* v, double origin_u, double origin_v, double repeat, int level, float weight,
+            const CanopyView& view) {
+    const double scale = std::ldexp(1.0, -level);
+    const double shift = repeat > 0 ? repeat * std::floor(origin_u / repeat) : 0;
+    const auto cell = [scale](double texel) { return (texel + 0.5) * scale - 0.5; };
+    const auto [low_u, high_u] = std::minmax({u[0], u[1], u[2], u[3]});
+    const auto [low_v, high_v] = std::minmax({v[0], v[1], v[2], v[3]});
+    const double first_i = std::floor(cell(low_u - shift) - 0.01), first_j = std::floor(cell(low_v) - 0.01);
+    const int columns = static_cast<int>(cell(high_u - shift) - first_i) + 3;
+    const int rows = static_cast<int>(cell(high_v) - first_j) + 3;
+    stride_ = (columns + 7) & ~7;
+    if (columns > 1000 || rows > 1000 || stride_ * rows > kCells) return false;
+    scale_ = static_cast<float>(scale);
+    u_ = static_cast<float>(cell(origin_u - shift) - first_i);
+    v_ = static_cast<float>(cell(origin_v) - first_j);
+    FillCanopy(static_cast<int>(first_i), static_cast<int>(first_j), rows, stride_, level, weight, view, cells_);
+    return true;
+  }
+  // Bilinear, at the first `count` of four points.
+  Color At(const Color& u, const Color& v, int count) const {
+    const Color x = u * scale_ + u_, y = v * scale_ + v_;
+    const Int4 i = __builtin_convertvector(x, Int4), j = __builtin_convertvector(y, Int4);
+    const Color a = x - __builtin_convertvector(i, Color), b = y - __builtin_convertvector(j, Color);
+    Color c00 = {}, c10 = {}, c01 = {}, c11 = {};
+    for (int k = 0; k < count; ++k) {
+      const float* c = cells_ + j[k] * stride_ + i[k];
+      c00[k] = c[0], c10[k] = c[1], c01[k] = c[stride_], c11[k] = c[stride_ + 1];
+    }
+    const Color top = c00 + (c10 - c00) * a, bottom = c01 + (c11 - c01) * a;
+    return top + (bottom - top) * b;
+  }
+
+ private:
+  static constexpr int kCells = 2048;
+
+  float cells_[kCells];
+  int stride_;
+  float scale_, u_, v_;
+};
+
+}  // namespace
 
 // hits: upper left, lower left, upper right, lower right.
 bool Renderer::FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_end, const Beam& beam, const Hit* hits) {
@@ -16,7 +81,7 @@ bool Renderer::FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_en
   const int width = camera_.width;
   const int xs[] = {x0, x0, x1, x1}, ys[] = {y0, y1, y0, y1};
   Eigen::Vector3d points[4], directions[4];
-  PlainTile tile{x0, y0, x1, y1, x_end, y_end, surface, nullptr, Color{1, 1, 1, 1}, {}, {}, {}};
+  PlainTile tile{x0, y0, x1, y1, x_end, y_end, surface, nullptr, Color{1, 1, 1, 1}, {}, {}, 0, {}, {}};
   for (int k = 0; k < 4; ++k) {
     const Eigen::Vector3f& ray = rays_[static_cast<size_t>(ys[k]) * width + xs[k]];
     directions[k] = rows_[ys[k]].rotation * ray.cast<double>();
@@ -44,6 +109,8 @@ bool Renderer::FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_en
     const double texels = scene_->ground_texels_per_metre;
     texel_width = footprint * texels;
     cosine = -std::max(directions[0].z(), directions[3].z());
+    tile.foliage = scene_->foliage;
+    tile.leaves = scene_->LeavesSeen(directions[0] + directions[3], time_);
     if (scene_->detail == nullptr || texel_width > 0.53) tile.texture = scene_->ground.get();
     for (int k = 0; k < 4; ++k) {
       tile.u[k] = (points[k].x() - scene_->grid.x0) * texels - 0.5;
@@ -73,7 +140,7 @@ bool Renderer::FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_en
       distance_[row + x] = static_cast<float>(hit.distance);
       surface_[row + x] = surface;
       const Eigen::Vector3d direction = rows_[y].rotation * rays_[row + x].cast<double>();
-      light_[row + x] = PackLight(scene_->Shade(rows_[y].center, direction, hit, pixel_angle_));
+      light_[row + x] = PackLight(scene_->Shade(rows_[y].center, direction, hit, pixel_angle_, time_));
     }
   }
   return true;
@@ -82,6 +149,7 @@ bool Renderer::FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_en
 // Texture lookups four pixels at a time: homogeneous texture coordinates are linear in the pixel.
 bool Renderer::PaintPlainTile(const PlainTile& tile, float lod) {
   const Texture& texture = *tile.texture;
+  const CanopyLevels canopy(lod);
   lod = std::clamp(lod, 0.f, static_cast<float>(texture.NumLevels() - 1));
   const int first = static_cast<int>(lod);
   const float fraction = lod - static_cast<float>(first);
@@ -105,13 +173,20 @@ bool Renderer::PaintPlainTile(const PlainTile& tile, float lod) {
       if (x < 1 || y < 1 || x > image.width - 3 || y > image.height - 3) return false;
     }
   }
+  TileLeaves leaves[4];
+  int num_leaves = 0;
+  for (int l = 0; l < 4 && tile.foliage > 0 && Grows(texture, first, tile.u, tile.v); ++l) {
+    if (canopy.weight[l] <= 0.02f) continue;
+    if (!leaves[num_leaves++].Fill(tile.u, tile.v, origin_u, origin_v, scene_->ground_repeat, canopy.first + l,
+                                   canopy.weight[l] * tile.foliage * (1.f / 255), tile.leaves))
+      return false;
+  }
   for (int k = 0; k < 4; ++k) {
     u[k] = (tile.u[k] - origin_u) * tile.inverse[k];
     v[k] = (tile.v[k] - origin_v) * tile.inverse[k];
   }
   const int width = camera_.width;
   const Color ramp = {0, 1, 2, 3};
-  using Int4 = int __attribute__((vector_size(16)));
   for (int y = tile.y0; y < tile.y_end; ++y) {
     const double b = static_cast<double>(y - tile.y0) / (tile.y1 - tile.y0), per_pixel = 1.0 / (tile.x1 - tile.x0);
     const auto line = [&](const double* corners, float* start, float* step) {
@@ -138,6 +213,8 @@ bool Renderer::PaintPlainTile(const PlainTile& tile, float lod) {
         index[l] = iv * views[l].width + iu;
       }
       const int count = std::min(4, tile.x_end - x);
+      Color rustle = {};
+      for (int l = 0; l < num_leaves; ++l) rustle += leaves[l].At(tu, tv, count);
       const size_t i = static_cast<size_t>(y) * width + x;
       for (int k = 0; k < count; ++k) {
         const auto sample = [&](int l) {
@@ -149,6 +226,7 @@ bool Renderer::PaintPlainTile(const PlainTile& tile, float lod) {
         };
         Color color = sample(0);
         if (two) color += (sample(1) - color) * fraction;
+        if (num_leaves > 0) color *= 1.f + color[3] * rustle[k];
         light_[i + k] = PackLight(color * tile.tint);
         distance_[i + k] = depth[k] * ray_stretch_[i + k];
         surface_[i + k] = tile.surface;

@@ -142,6 +142,9 @@ void ReadScene(Section s, SceneOptions* scene) {
   s.Read("trees", &a.trees);
   s.Read("roughness", &a.roughness);
   s.Read("grain", &a.grain);
+  s.Read("foliage", &a.foliage);
+  s.Read("leaf_angle", &a.leaf_angle);
+  s.Read("leaf_time", &a.leaf_time);
   s.Read("road_spacing", &a.road_spacing);
   s.Read("houses", &a.houses);
   s.Read("park", &a.park);
@@ -287,6 +290,7 @@ void ReadInto(const std::string& path, const std::string& folder, int depth, Sce
     s.Read("lod_bias", &o.lod_bias);
     s.Read("motion_blur", &o.motion_blur);
     s.Read("sharpening", &o.sharpening);
+    s.Read("haze", &o.haze);
     s.CheckKnown();
   }
   ReadEvents(&root, scenario);

@@ -67,6 +67,7 @@ void Renderer::Render(const PoseFunction& pose, double time, const SensorState& 
     for (int i = 0; i < 3; ++i) motion.translation[i] = static_cast<float>(cam_from_mid.translation[i]);
     return motion;
   };
+  time_ = time;
   ParallelFor(height, 32, options_.num_threads, [&](int begin, int end) {
     for (int y = begin; y < end; ++y) {
       if (y > begin && options_.readout == 0) {
@@ -100,7 +101,7 @@ void Renderer::CastPixel(int x, int y, const Beam& beam) {
   const Hit hit = scene_->Cast(row.center, direction, beam);
   distance_[i] = static_cast<float>(hit.distance);
   surface_[i] = hit.surface;
-  const Color color = scene_->Shade(row.center, direction, hit, pixel_angle_);
+  const Color color = scene_->Shade(row.center, direction, hit, pixel_angle_, time_);
   light_[i] = PackLight(color);
 }
 
@@ -126,7 +127,7 @@ void Renderer::CastTiles(int tile_row) {
     const int x_end = std::min(x0 + kTile, width), y_end = std::min(y0 + kTile, camera_.height);
     const bool plain = FillPlainTile(x0, y0, x1, y1, x_end, y_end, beam, hits);
     const size_t tile = static_cast<size_t>(tile_row) * tiles + k;
-    plain_[tile] = plain;
+    plain_[tile] = !plain ? 0 : IsStill(x0, y0, x_end - 1, y_end - 1) ? kStill : kPlain;
     beams_[tile] = beam;
     if (!plain) CastTile(x0, y0, x1, y1, beam, hits);
   }
@@ -208,7 +209,7 @@ void Renderer::SmoothPixel(int x, int y) {
     const Eigen::Vector3f ray = rays_[i] + a * right + b * down;
     const Eigen::Vector3d direction = (rows_[y].rotation * ray.cast<double>()).normalized();
     const Color color =
-        scene_->Shade(rows_[y].center, direction, scene_->Cast(rows_[y].center, direction, beam), pixel_angle_);
+        scene_->Shade(rows_[y].center, direction, scene_->Cast(rows_[y].center, direction, beam), pixel_angle_, time_);
     sum += color * color;
   }
   light_[i] = PackLight(SquareRoot(sum * 0.25f));

@@ -19,6 +19,8 @@ struct RenderOptions {
   double readout = 0;
   // Mipmap choice: 0 is the sampling limit, negative is sharper (and begins to alias), as a camera that sharpens.
   double lod_bias = -0.4;
+  // Share of the light that comes from the air between.
+  float haze = 0;
   // Unsharp mask in the camera: how much of the difference to the mean of 3 x 3 pixels is added.
   double sharpening = 0;
   // true: the blur of every pixel along its own motion, from its depth and the poses at begin and end of the exposure.
@@ -83,6 +85,7 @@ class Renderer {
 
  private:
   static constexpr int kTile = 8;
+  static constexpr uint8_t kPlain = 1, kStill = 2;
 
   struct Motion {
     float rotation[9], translation[3];
@@ -101,6 +104,8 @@ class Renderer {
     const Texture* texture;
     Color tint;         // multiplies the texture
     double u[4], v[4];  // texels
+    float foliage;      // contrast of leaves, 0 for none
+    CanopyView leaves;
     double inverse[4];  // inverse depth: it, and texels times it, are linear in the pixel
   };
 
@@ -115,6 +120,10 @@ class Renderer {
   bool PaintPlainTile(const PlainTile& tile, float lod);
   void SmoothEdges(int y);
   void SmoothPixel(int x, int y);
+  // From a pixel's surface point in the middle of the exposure to the same at its beginning (0, 1) and end (2, 3).
+  Color MotionOf(int x, int y) const;
+  // True if a plain tile moves by less than half a pixel.
+  bool IsStill(int x0, int y0, int x1, int y1) const;
   // Light of a row after motion blur.
   void BlurRow(int y, Color* blurred) const;
   // Light to stored values, without noise; in place.
@@ -127,14 +136,14 @@ class Renderer {
   const Scene* scene_;
   Camera camera_;
   RenderOptions options_;
-  double pixel_angle_ = 0;
+  double pixel_angle_ = 0, time_ = 0;
   bool distorted_ = false;
   std::vector<Eigen::Vector3f> rays_;
   std::vector<float> ray_stretch_;  // 1 / rays_.z: distance over depth
   std::vector<RowPose> rows_;
   std::vector<float> distance_;
   std::vector<int> surface_;
-  std::vector<uint8_t> plain_;  // per tile: FillPlainTile has filled it
+  std::vector<uint8_t> plain_;  // per tile: kPlain if FillPlainTile has filled it, kStill if it does not move either
   std::vector<Beam> beams_;     // per tile
   std::vector<Light> light_;    // before blur
 };

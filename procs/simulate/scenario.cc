@@ -45,6 +45,7 @@ void Scenario::Check() const {
           "sensor.exposure_ms and sensor.readout_ms must not exceed a frame");
   require(sensor.noise >= 0 && sensor.vignetting >= 0 && sensor.vignetting < 1,
           "sensor.noise must not be negative, sensor.vignetting must lie in [0, 1)");
+  require(sensor.haze >= 0 && sensor.haze < 1, "sensor.haze must lie in [0, 1)");
   require(sensor.sharpening >= 0 && sensor.sharpening <= 10, "sensor.sharpening must lie in 0 to 10");
   require(trajectory.speed > 0, "trajectory.speed must be positive");
   require(trajectory.smoothing >= 0.02, "trajectory.smoothing must be at least 0.02 s");
@@ -74,6 +75,9 @@ void Scenario::Check() const {
   require(scene.aerial.trees >= 0 && scene.aerial.trees <= 10, "scene.trees must lie in 0 to 10");
   require(scene.aerial.roughness >= 0 && scene.aerial.roughness <= 3, "scene.roughness must lie in 0 to 3 m");
   require(scene.aerial.grain >= 0 && scene.aerial.grain <= 1, "scene.grain must lie in 0 to 1");
+  require(scene.aerial.foliage >= 0 && scene.aerial.foliage <= 0.5, "scene.foliage must lie in 0 to 0.5");
+  require(scene.aerial.leaf_angle > 0 && scene.aerial.leaf_time > 0,
+          "scene.leaf_angle and scene.leaf_time must be positive");
   const AerialOptions& a = scene.aerial;
   require(a.houses >= 0 && a.park >= 0 && a.fields >= 0 && a.marsh >= 0 && a.forest >= 0 &&
               a.houses + a.park + a.fields + a.marsh + a.forest > 0,

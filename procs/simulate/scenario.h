@@ -65,7 +65,7 @@ struct SensorOptions {
   double noise = 2.0, vignetting = 0.2;
   double exposure_drift = 0.08, white_balance_drift = 0.03;  // relative, RMS, over tens of seconds
   double lod_bias = -0.4;
-  double sharpening = 0;
+  double sharpening = 0, haze = 0;
   bool motion_blur = true;
 };
 

@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "procs/simulate/canopy.h"
 #include "procs/simulate/texture.h"
 
 namespace mapmend::simulate {
@@ -62,6 +63,11 @@ class Scene {
  public:
   HeightGrid grid;
   std::shared_ptr<const Texture> ground;  // row 0 in the south; light and shadow are in it already
+  // The alpha of the ground is how much of it is vegetation, whose brightness changes with the direction of view by up
+  // to `foliage`, a part of itself; a leaf is seen over `leaf_angle` (tangent) and for leaf_time seconds.
+  float foliage = 0;
+  double ground_repeat = 0;  // if positive, leaves repeat themselves along x with this period, texels
+  double leaf_angle = 0.8, leaf_time = 30;
   double ground_texels_per_metre = 1;     // texel (0, 0) has its centre half a texel inside the corner (x0, y0)
   float ground_detail = 0;                // contrast of the detail that appears below the texel size
   std::shared_ptr<const Texture> detail;  // grey, mean 128, repeated
@@ -85,11 +91,17 @@ class Scene {
   // nothing else reaches into the beam. The ground may still be uneven by 0.4 m.
   bool IsClear(const Beam& beam, const Eigen::Vector3d* points, const Eigen::Vector3d* directions, int surface) const;
   // Colour there, [0, 255] as a camera without noise would store it. pixel_angle: radians between neighbouring rays.
-  Color Shade(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, const Hit& hit,
-              double pixel_angle) const;
+  // time: seconds, for the wind in the leaves.
+  Color Shade(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, const Hit& hit, double pixel_angle,
+              double time = 0) const;
 
-  Color ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& direction, double footprint,
-                    double slope) const;
+  Color ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& direction, double footprint, double slope,
+                    double time) const;
+  CanopyView LeavesSeen(const Eigen::Vector3d& direction, double time) const {
+    const double down = 1 / std::max(0.2, -direction.z());
+    return CanopyView::From(direction.x() * down, direction.y() * down, leaf_angle,
+                            static_cast<int32_t>(time / leaf_time * 1024));
+  }
 
  private:
   struct Level {

@@ -33,8 +33,8 @@ Color SampleFootprint(const Texture& texture, float x, float y, float step_x, fl
 
 }  // namespace
 
-Color Scene::ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& direction, double footprint,
-                         double slope) const {
+Color Scene::ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& direction, double footprint, double slope,
+                         double time) const {
   const double scale = ground_texels_per_metre;
   const double x = (point.x() - grid.x0) * scale - 0.5, y = (point.y() - grid.y0) * scale - 0.5;
   const double stretch = 1.0 / std::max(0.08, -direction.z());
@@ -47,9 +47,16 @@ Color Scene::ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& di
   Color color = SampleFootprint(*ground, static_cast<float>(x), static_cast<float>(y),
                                 static_cast<float>(length * direction.x()), static_cast<float>(length * direction.y()),
                                 static_cast<float>(std::max(width, steep > 1 ? 1.5 * steep : 0)));
+  if (foliage > 0 && color[3] > 1) {
+    // On steep sides, of trees, a grid seen from above would show as streaks: there each layer of height is of its own.
+    const double up = slope > 0.7 ? scale * point.z() : 0;
+    const double turns = ground_repeat > 0 ? std::floor(x / ground_repeat) : 0;
+    const float leaves = Canopy(x - turns * ground_repeat, y, up, Log2(static_cast<float>(width)), LeavesSeen(direction, time));
+    color *= 1.f + foliage * (1.f / 255) * color[3] * leaves;
+  }
   // Below the size of a ground texel: ever finer copies of a grey picture, each fading in as the camera comes near.
   if (detail == nullptr) return color;
-  if (steep > 1) {
+  if (steep > 1 && foliage <= 0) {
     const int size = detail->Width();
     const auto wrap = [size](double v) { return static_cast<float>(v - std::floor(v / size) * size); };
     const float grey = detail->Sample(wrap(x + 0.7 * scale * point.z()), wrap(y + 0.9 * scale * point.z()),
@@ -70,14 +77,14 @@ Color Scene::ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& di
 }
 
 Color Scene::Shade(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, const Hit& hit,
-                   double pixel_angle) const {
+                   double pixel_angle, double time) const {
   if (hit.surface == Hit::kNothing) {
     const float up = static_cast<float>(std::clamp(direction.z() * 1.5, 0.0, 1.0));
     return sky_low + (sky_high - sky_low) * up;
   }
   const Eigen::Vector3d point = origin + hit.distance * direction;
   const double footprint = hit.distance * pixel_angle;
-  if (hit.surface == Hit::kGround) return ShadeGround(point, direction, footprint, hit.slope);
+  if (hit.surface == Hit::kGround) return ShadeGround(point, direction, footprint, hit.slope, time);
   const Face& face = solids[(hit.surface - 1) / 8].faces[(hit.surface - 1) % 8];
   if (face.texture < 0) return face.color;
   const double cosine = std::max(0.08, -face.normal.dot(direction));

@@ -66,6 +66,7 @@ Simulator::Simulator(const Scenario& scenario, const std::string& data_folder, i
   options.exposure = scenario_.sensor.exposure_ms * 1e-3;
   options.readout = scenario_.sensor.readout_ms * 1e-3;
   options.lod_bias = scenario_.sensor.lod_bias;
+  options.haze = static_cast<float>(scenario_.sensor.haze);
   options.sharpening = scenario_.sensor.sharpening;
   options.motion_blur = scenario_.sensor.motion_blur;
   options.num_threads = num_threads;
