@@ -50,7 +50,7 @@ TEST(Simulator, BundleAdjustmentOfPicturesRecoversThePoses) {
   const Pinhole camera = scenario.camera.Ideal();
   ASSERT_FALSE(scenario.camera.HasDistortion());
   std::vector<cv::Point2f> corners;
-  cv::goodFeaturesToTrack(pictures[0], corners, 600, 0.01, 8);
+  cv::goodFeaturesToTrack(pictures[0], corners, 2000, 0.01, 5);
   // Found again by correlation within 8 pixels of where the truth expects it; where exactly is for the picture to say.
   constexpr int kHalf = 7, kSearch = 8;
   const Rigid3 first = simulator.WorldFromCamera(0);
