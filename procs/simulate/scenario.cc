@@ -1,11 +1,22 @@
 #include "procs/simulate/scenario.h"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
 #include "procs/simulate/random.h"
 
 namespace mapmend::simulate {
+namespace {
+
+double LowestHeight(const TrajectoryOptions& trajectory) {
+  if (trajectory.kind != TrajectoryOptions::Kind::kPath || trajectory.points.empty()) return trajectory.start.z();
+  double lowest = trajectory.points[0].position.z();
+  for (const Waypoint& point : trajectory.points) lowest = std::min(lowest, point.position.z());
+  return lowest;
+}
+
+}  // namespace
 
 const char* EventName(Event::Kind kind) {
   switch (kind) {
@@ -119,7 +130,7 @@ void PlaceRandomEvents(Scenario* scenario) {
         event.amount = 120;
         break;
       case Event::Kind::kDrop:
-        event.amount = 0.6 * scenario->trajectory.start.z();
+        event.amount = 0.6 * LowestHeight(scenario->trajectory);
         break;
       case Event::Kind::kOverexposure:
         event.amount = 40;

@@ -69,6 +69,14 @@ TEST_F(ScenarioFile, RefusesTheImpossible) {
   EXPECT_THAT(Error("base: street_short\ntrajectory: {points: [{at: [0, 0, -1]}]}\n"), HasSubstr("height"));
 }
 
+TEST_F(ScenarioFile, ADropStaysAboveTheLowestHeightFlown) {
+  EXPECT_EQ(Error("base: office_short\nevents: [{kind: drop, at: 3, duration: 1}]\n"), "");
+  Scenario scenario = ReadScenario(path_.string(), kFolder);
+  PlaceRandomEvents(&scenario);
+  ASSERT_EQ(scenario.events.size(), 1u);
+  for (const Waypoint& point : scenario.trajectory.points) EXPECT_LT(scenario.events[0].amount, point.position.z());
+}
+
 TEST(Scenario, AllThatAreShippedCanBeRead) {
   const auto list = ListScenarios(kFolder);
   EXPECT_GE(list.size(), 20u);
