@@ -126,13 +126,13 @@ bool Frontend::StartSubmap(const Initialization& initialization) {
     else if (f != second) (past_first ? between : before).push_back(f);
   }
   for (const FramePtr& f : between) {
-    const TrackResult result = tracker_.Track(std::nullopt, {k0, k1}, map_.get(), f.get());
+    const TrackResult result = TrackAfterwards({k0, k1}, f.get());
     if (result.success) NoteFrame(*f, result.reference_keyframe);
   }
   std::reverse(before.begin(), before.end());
   int hint = k0;
   for (const FramePtr& f : before) {
-    const TrackResult result = tracker_.Track(std::nullopt, {hint}, map_.get(), f.get());
+    const TrackResult result = TrackAfterwards({hint}, f.get());
     if (!result.success) break;
     if (NeedsKeyframe(*f, result)) {
       hint = map_->AddKeyframe(f);
@@ -152,6 +152,16 @@ std::optional<Rigid3> Frontend::Predict(int64_t utime) const {
   const double ahead = static_cast<double>(utime - last_frame_->utime);
   if (dt <= 0 || ahead <= 0 || ahead > kMaxTimeRatio * dt) return std::nullopt;
   return Extrapolate(before_last_frame_->cam_from_submap, last_frame_->cam_from_submap, ahead / dt);
+}
+
+// A frame of the past, for which nothing that follows will tell whether its pose was right: its points must be spread wider.
+TrackResult Frontend::TrackAfterwards(const std::vector<int>& hints, Frame* frame) {
+  TrackResult result = tracker_.Track(std::nullopt, hints, map_.get(), frame);
+  if (result.success && result.spread < options_.min_spread_afterwards) {
+    result.success = false;
+    std::fill(frame->points.begin(), frame->points.end(), -1);
+  }
+  return result;
 }
 
 // Whether a frame that follows at the usual time lies implausibly far from the last one.
@@ -197,7 +207,7 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
     // Frames that failed before this one may be seen from here.
     std::reverse(lost_.begin(), lost_.end());
     for (const FramePtr& f : lost_) {
-      const TrackResult again = tracker_.Track(std::nullopt, {last_reference_, last_keyframe_}, map_.get(), f.get());
+      const TrackResult again = TrackAfterwards({last_reference_, last_keyframe_}, f.get());
       if (again.success) NoteFrame(*f, again.reference_keyframe);
     }
     lost_.clear();

@@ -27,6 +27,7 @@ struct FrontendOptions {
   double keyframe_ratio = 0.7;      // new keyframe when fewer points are seen than this share of the reference keyframe's
   int comfortable_inliers = 100;    // or fewer than this
   double keyframe_angle_deg = 3;    // or when the points are seen under an angle that differs by this much (median)
+  double min_spread_afterwards = 0.2;  // share of the image's cells with an inlier, for frames that are tracked afterwards
   double max_jump = 0.15;           // a step of this share of the scene's depth, and five times the last one, is a jump
   double jump_found_share = 0.15;   // of the points in view that must be found to believe a jump
   int confirm_frames = 2;           // frames that must be tracked in a new submap before it is believed
@@ -84,6 +85,7 @@ class Frontend {
   void EmitRecords(std::vector<std::pair<int64_t, RecordBody>> records);
   void Publish(int64_t utime);
   std::optional<Rigid3> Predict(int64_t utime) const;
+  TrackResult TrackAfterwards(const std::vector<int>& hints, Frame* frame);
   bool IsJump(const Frame& frame) const;
 
   FrontendOptions options_;

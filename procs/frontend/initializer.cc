@@ -132,6 +132,12 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
   constexpr int kMaxTrials = 5;
   const int n = static_cast<int>(frames_.size());
   int oldest = 0, newest = n - 1;
+  // At thirty frames a second the next frame tells no more than this one did.
+  const bool is_too_soon = frame->utime < refused_utime_ + static_cast<int64_t>(1e6 * options_.min_retry_s);
+  if (is_too_soon) {
+    result.reason = refused_reason_;
+    newest = -1;
+  }
   for (int trial = 0; trial < kMaxTrials && oldest <= newest; ++trial) {
     const int i = trial == 0 ? oldest : oldest + (newest - oldest) / 2;
     std::vector<FramePtr> between;
@@ -150,6 +156,10 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
     } else {  // too little parallax to tell: an older one has more
       newest = i - 1;
     }
+  }
+  if (!is_too_soon && !result.success && result.reason != "too_few_matches") {
+    refused_utime_ = frame->utime;
+    refused_reason_ = result.reason;
   }
   frames_.push_back(frame);
   while (static_cast<int>(frames_.size()) > options_.max_buffered_frames) frames_.pop_front();

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <deque>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,7 @@ struct InitializerOptions {
   double ambiguity_ratio = 0.8;      // a second, different motion that explains this share of the best one's matches is a rival
   double max_misfit_ratio = 0.67;    // the best one's squared errors must be below this share of each rival's, else: ambiguous
   double max_sigma = 2.4477;         // reprojection error of an inlier, in sigma of its octave
+  double min_retry_s = 0.1;            // time between frames that are tried, once one was refused for want of parallax
   uint64_t seed = 1;
 };
 
@@ -54,7 +56,10 @@ class Initializer {
       : options_(options), camera_(camera), pyramid_(pyramid) {}
 
   Initialization AddFrame(const FramePtr& frame);
-  void Clear() { frames_.clear(); }
+  void Clear() {
+    frames_.clear();
+    refused_utime_ = kNever;
+  }
   // Frames since the loss, oldest first.
   const std::deque<FramePtr>& Frames() const { return frames_; }
   // Forgets all frames before this one.
@@ -69,6 +74,9 @@ class Initializer {
   Pinhole camera_;
   Pyramid pyramid_;
   std::deque<FramePtr> frames_;
+  static constexpr int64_t kNever = std::numeric_limits<int64_t>::min() / 2;
+  int64_t refused_utime_ = kNever;  // of the last frame that was refused though it shares enough
+  std::string refused_reason_;
 };
 
 }  // namespace mapmend
