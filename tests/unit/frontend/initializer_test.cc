@@ -44,9 +44,8 @@ TEST(Initializer, PureRotationIsRefused) {
   }
 }
 
-// A small step with a turn: a larger step with another turn explains two images nearly as well (the bas-relief ambiguity), and
-// gives everything a depth, while the true motion leaves most points without one.
-TEST(Initializer, ASmallMotionIsNotTakenForALargeOne) {
+// Small steps with turns: the motion found is the true one, or none.
+TEST(Initializer, SmallStepsWithTurnsAreRightOrRefused) {
   int refused = 0;
   for (int trial = 0; trial < 12; ++trial) {
     SyntheticScene scene(3000, -3, 4, 0.2, 100 + trial);
@@ -86,7 +85,7 @@ TEST(Initializer, ImagesOfDifferentPlacesAreRefused) {
 TEST(Initializer, FindsThePartnerThatSharesEnough) {
   SyntheticScene scene(6000, -2, 10, 0.25, 5);
   Initializer initializer({}, scene.Camera(), {});
-  for (int i = 0; i < 20; ++i) {  // nothing to see yet: seen from behind, no points
+  for (int i = 0; i < 20; ++i) {  // elsewhere, where there is nothing to see
     initializer.AddFrame(scene.View(NadirPose(-8, 0), i));
   }
   std::vector<Rigid3> poses;
