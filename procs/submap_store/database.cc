@@ -26,6 +26,16 @@ std::string ImmutableUri(const std::string& path) {
   return uri + "?immutable=1";
 }
 
+// Marks an empty database as ours. It need not be a new file: of one whose creation was cut short, SQLite has just
+// taken back all that was written.
+void Identify(SQLite::Database* sql, const std::string& path) {
+  if (sql->execAndGet("PRAGMA application_id").getInt() == kApplicationId) return;
+  if (sql->execAndGet("SELECT count(*) FROM sqlite_master").getInt() != 0) {
+    throw std::runtime_error(path + ": is not a map database (an SQLite file of another program)");
+  }
+  sql->exec("PRAGMA application_id = " + std::to_string(kApplicationId));
+}
+
 }  // namespace
 
 Database::Database(const std::string& path, Mode mode)
@@ -42,7 +52,7 @@ Database::Database(const std::string& path, Mode mode)
     }
     return;
   }
-  if (guard_.IsNew()) sql_->exec("PRAGMA application_id = " + std::to_string(kApplicationId));
+  Identify(sql_.get(), path);
   sql_->exec("PRAGMA journal_mode = WAL");
   sql_->exec("PRAGMA synchronous = FULL");
   // A second connection checkpoints (Checkpointer): done inside commits it makes some of them wait for half a second.

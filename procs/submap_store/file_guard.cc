@@ -69,8 +69,7 @@ FileGuard::FileGuard(const std::string& path, Access access) {
   }
   if (error.empty()) {
     struct stat info {};
-    is_new_ = fstat(fd_, &info) == 0 && info.st_size == 0;
-    if (is_new_ && !exclusive) error = "is empty";
+    if (!exclusive && fstat(fd_, &info) == 0 && info.st_size == 0) error = "is empty";
     struct stat wal {};
     const bool has_wal = stat((path + "-wal").c_str(), &wal) == 0 && wal.st_size > 0;
     is_at_rest_ = !exclusive && !has_wal && flock(fd_, LOCK_SH | LOCK_NB) == 0;

@@ -19,7 +19,6 @@ class FileGuard {
   FileGuard(const FileGuard&) = delete;
   FileGuard& operator=(const FileGuard&) = delete;
 
-  bool IsNew() const { return is_new_; }
   // kShared: nobody writes it and no write-ahead log is left, so that SQLite need not make any files beside it to read
   // it.
   bool IsAtRest() const { return is_at_rest_; }
@@ -28,7 +27,7 @@ class FileGuard {
   // Held to the end: closing any descriptor of the file would drop SQLite's own locks on it. So a FileGuard must
   // outlive the connections.
   int fd_ = -1;
-  bool is_new_ = false, is_at_rest_ = false;
+  bool is_at_rest_ = false;
 };
 
 }  // namespace mapmend

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -135,6 +136,35 @@ TEST_F(DbFiles, ObservationsOfSchema3ArePacked) {
   EXPECT_FALSE(geometry(db_).empty());
   EXPECT_EQ(geometry(old), geometry(db_));
   EXPECT_EQ(Count(old, "SELECT count(*) FROM submap WHERE has_geometry"), 2);
+}
+
+// The store was killed while it created the file: SQLite takes back what is there, down to the mark of whose file it is.
+TEST_F(DbFiles, AFileWhoseCreationWasCutShortIsMarkedAnew) {
+  {
+    SQLite::Database database(db_, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    database.exec("PRAGMA application_id = " + std::to_string(kApplicationId));
+  }
+  // Header of a rollback journal: no page to restore, the database had none
+  // (https://www.sqlite.org/fileformat.html, section 3).
+  std::vector<uint8_t> journal(512, 0);
+  const uint8_t header[] = {0xd9, 0xd5, 0x05, 0xf9, 0x20, 0xa1, 0x63, 0xd7, 0, 0, 0,    0, 0, 0,
+                            0,    1,    0,    0,    0,    0,    0,    0,    2, 0, 0, 0, 0x10, 0};
+  std::copy(std::begin(header), std::end(header), journal.begin());
+  std::ofstream(db_ + "-journal", std::ios::binary).write(reinterpret_cast<const char*>(journal.data()), 512);
+  Fill(db_, Flight("a"));
+  EXPECT_EQ(Count(db_, "PRAGMA application_id"), kApplicationId);
+  EXPECT_TRUE(CheckDb(db_).empty());
+  EXPECT_GT(Count(db_, "SELECT count(*) FROM record"), 0);
+}
+
+// An SQLite file in use by another program bears its tables in the write-ahead log only.
+TEST_F(DbFiles, AFileOfAnotherProgramInWalModeIsRefused) {
+  SQLite::Database other(db_, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+  other.exec("PRAGMA journal_mode = WAL");
+  other.exec("CREATE TABLE theirs(a)");
+  EXPECT_THROW(Database(db_, Database::Mode::kReadWrite), std::runtime_error);
+  EXPECT_EQ(other.execAndGet("SELECT count(*) FROM sqlite_master").getInt(), 1);
+  EXPECT_EQ(other.execAndGet("PRAGMA user_version").getInt(), 0);
 }
 
 // Read as docs/file_formats.md says.
