@@ -130,10 +130,14 @@ bool Frontend::StartSubmap(const Initialization& initialization) {
     if (result.success) NoteFrame(*f, result.reference_keyframe);
   }
   std::reverse(before.begin(), before.end());
-  int hint = k0;
+  int hint = k0, misses = 0;
   for (const FramePtr& f : before) {
     const TrackResult result = TrackAfterwards({hint}, f.get());
-    if (!result.success) break;
+    if (!result.success) {
+      if (++misses == options_.max_lost_frames) break;
+      continue;
+    }
+    misses = 0;
     if (NeedsKeyframe(*f, result)) {
       hint = map_->AddKeyframe(f);
       mapper_.Process(hint, map_.get());

@@ -12,7 +12,7 @@
 namespace mapmend {
 
 struct InitializerOptions {
-  int max_buffered_frames = 60;      // frames kept since the loss
+  int max_buffered_frames = 300;     // frames kept since the loss
   int min_matches = 60;
   int min_points = 50;
   double min_median_angle_deg = 1.5; // between the rays to the points
