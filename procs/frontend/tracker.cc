@@ -5,6 +5,7 @@
 
 #include "libs/geometry/pnp.h"
 #include "libs/mapping/bundle_adjustment.h"
+#include "libs/mapping/pose_uncertainty.h"
 #include "procs/frontend/profiler.h"
 
 namespace mapmend {
@@ -87,21 +88,25 @@ int Tracker::SearchPoints(const WorkingMap& map, const std::vector<int>& points,
   return count;
 }
 
-bool Tracker::Optimize(const WorkingMap& map, const Rigid3& initial, Frame* frame, int* num_inliers) const {
+// One for each feature that has a point, in their order.
+std::vector<PoseObservation> Tracker::Observations(const WorkingMap& map, const Frame& frame) const {
   std::vector<PoseObservation> observations;
-  std::vector<int> features;
-  for (size_t i = 0; i < frame->points.size(); ++i) {
-    if (frame->points[i] < 0) continue;
-    const Keypoint& keypoint = frame->features.keypoints[i];
+  for (size_t i = 0; i < frame.points.size(); ++i) {
+    if (frame.points[i] < 0) continue;
+    const Keypoint& keypoint = frame.features.keypoints[i];
     observations.push_back(
-        {map.Point(frame->points[i]).position, keypoint.pixel.cast<double>(), pyramid_.Sigma(keypoint.octave)});
-    features.push_back(static_cast<int>(i));
+        {map.Point(frame.points[i]).position, keypoint.pixel.cast<double>(), pyramid_.Sigma(keypoint.octave)});
   }
-  const PoseOptimizationResult result = OptimizePose(camera_, initial, observations, {});
+  return observations;
+}
+
+bool Tracker::Optimize(const WorkingMap& map, const Rigid3& initial, Frame* frame, int* num_inliers) const {
+  const PoseOptimizationResult result = OptimizePose(camera_, initial, Observations(map, *frame), {});
   *num_inliers = result.success ? result.num_inliers : 0;
   if (!result.success) return false;
-  for (size_t i = 0; i < features.size(); ++i) {
-    if (!result.inlier[i]) frame->points[features[i]] = -1;
+  size_t i = 0;
+  for (int& point : frame->points) {
+    if (point >= 0 && !result.inlier[i++]) point = -1;
   }
   frame->cam_from_submap = result.cam_from_world;
   return true;
@@ -208,8 +213,11 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
   const std::vector<int> visible = VisiblePoints(*map, points, frame->cam_from_submap);
   result.num_visible = static_cast<int>(visible.size());
   const bool is_enough = result.num_inliers >= options_.min_inliers && result.spread >= options_.min_spread;
-  // A wrong pose finds the few points that made it, and none of the others that should be in view.
-  if (!is_enough || result.num_inliers < options_.min_found_share * result.num_visible) {
+  const double max_sigma = options_.max_position_sigma * (result.method == "descriptors" ? 1 : 2);
+  // A wrong pose finds the few points that made it, and none of the others that should be in view; or those that it finds
+  // would as well be seen from elsewhere.
+  if (!is_enough || result.num_inliers < options_.min_found_share * result.num_visible ||
+      RelativePositionSigma(camera_, frame->cam_from_submap, Observations(*map, *frame)) > max_sigma) {
     if (is_enough) result.reason = "unsupported_pose";
     std::fill(frame->points.begin(), frame->points.end(), -1);
     return result;

@@ -14,6 +14,7 @@ struct TrackerOptions {
   int min_inliers = 25;               // fewer: the frame is not tracked
   double min_spread = 0.08;           // share of the 8 x 6 cells of the image that hold an inlier
   double min_found_share = 0.06;      // inliers, of the points of the local map that should be in view
+  double max_position_sigma = 0.0125; // of the median depth: four times that is a wrong pose. Twice as much with a prediction.
   double motion_radius = 0.025;       // search radius around the motion model's prediction, of the image width
   int min_motion_matches = 20;        // fewer: wider search, then descriptor matching
   double local_radius_px = 4;         // search radius in the local map, at octave 0
@@ -50,6 +51,7 @@ class Tracker {
   std::vector<int> VisiblePoints(const WorkingMap& map, const std::vector<int>& points, const Rigid3& pose) const;
   int SearchPoints(const WorkingMap& map, const std::vector<int>& points, const Rigid3& pose, double radius_px,
                    bool scale_radius, int max_distance, Frame* frame) const;
+  std::vector<PoseObservation> Observations(const WorkingMap& map, const Frame& frame) const;
   bool Optimize(const WorkingMap& map, const Rigid3& initial, Frame* frame, int* num_inliers) const;
   bool MatchKeyframe(const WorkingMap& map, int keyframe, Frame* frame) const;
 
