@@ -86,11 +86,17 @@ std::string FormatSummaryTable(const std::string& out) {
   row("losses", std::to_string(Count(summary, "losses")));
   row("submaps", Format("%zu in %zu component%s", Size(summary, "submaps"), Size(summary, "components"),
                         Size(summary, "components") == 1 ? "" : "s"));
-  int accepted = 0;
-  for (const Json& connection : summary.value("connections", Json::array())) {
-    if (connection.value("verdict", "") == "accepted") ++accepted;
+  const auto num_accepted = [&](const char* list) {
+    int accepted = 0;
+    for (const Json& connection : summary.value(list, Json::array())) {
+      if (connection.value("verdict", "") == "accepted") ++accepted;
+    }
+    return accepted;
+  };
+  row("connections", Format("%d accepted of %zu evaluated", num_accepted("connections"), Size(summary, "connections")));
+  if (const int loops = num_accepted("loops"); loops > 0) {
+    row("loops", Format("closed within %d submap%s", loops, loops == 1 ? "" : "s"));
   }
-  row("connections", Format("%d accepted of %zu evaluated", accepted, Size(summary, "connections")));
   row("keyframes", Format("%d of %d in the main map, %d points", Count(summary, "keyframes_in_main"),
                           Count(summary, "keyframes_total"), Count(summary, "points_in_main")));
   if (summary.contains("ate_rmse_m")) {
