@@ -74,15 +74,18 @@ FrameOutcome Frontend::Initialise(const FramePtr& frame) {
   FrameOutcome outcome;
   const Initialization initialization = initializer_.AddFrame(frame);
   outcome.reason = initialization.reason;
-  if (initialization.success && StartSubmap(initialization)) {
-    outcome.state = FrontendState::kTracking;
-    outcome.method = "initialised";
-    outcome.keyframe = true;
-    outcome.submap = map_->Id();
-    outcome.cam_from_submap = frame->cam_from_submap;
-    outcome.num_inliers = static_cast<int>(initialization.points.size());
-  }
+  Begin(initialization, &outcome);
   return outcome;
+}
+
+void Frontend::Begin(const Initialization& initialization, FrameOutcome* outcome) {
+  if (!initialization.success || !StartSubmap(initialization)) return;
+  outcome->state = FrontendState::kTracking;
+  outcome->method = "initialised";
+  outcome->keyframe = true;
+  outcome->submap = map_->Id();
+  outcome->cam_from_submap = initialization.second->cam_from_submap;
+  outcome->num_inliers = static_cast<int>(initialization.points.size());
 }
 
 bool Frontend::StartSubmap(const Initialization& initialization) {
@@ -248,13 +251,7 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
   if (lost_frames_ < options_.max_lost_frames) return outcome;
   if (initialization.success || lost_frames_ >= options_.max_lost_frames + options_.relocalisation_frames) {
     CloseSubmap(last_failure_, std::to_string(lost_frames_) + " consecutive frames without orientation");
-    if (initialization.success && StartSubmap(initialization)) {
-      outcome.state = FrontendState::kTracking;
-      outcome.method = "initialised";
-      outcome.keyframe = true;
-      outcome.submap = map_->Id();
-      outcome.cam_from_submap = frame->cam_from_submap;
-    }
+    Begin(initialization, &outcome);
   }
   return outcome;
 }

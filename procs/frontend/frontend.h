@@ -71,6 +71,8 @@ class Frontend {
  private:
   FrameOutcome Initialise(const FramePtr& frame);
   FrameOutcome TrackFrame(const FramePtr& frame);
+  // Starts a submap if initialisation has succeeded, and says so in the outcome of its second frame.
+  void Begin(const Initialization& initialization, FrameOutcome* outcome);
   bool StartSubmap(const Initialization& initialization);
   std::string ExplainFailure(const Frame& frame, const std::string& tracker_reason) const;
   bool NeedsKeyframe(const Frame& frame, const TrackResult& result) const;

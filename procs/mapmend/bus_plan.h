@@ -1,5 +1,6 @@
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <string>
 
 // Which LCM network a run uses, and whether it brings its own hub.
@@ -21,5 +22,8 @@ BusPlan PlanBus(const std::string& url);
 
 // The same for a given option: falls back to the environment variable LCM_DEFAULT_URL.
 std::string UrlFromOptionOrEnvironment(const std::string& option);
+
+// Adds --lcm-url, --channel-prefix and --log-level to a subcommand that starts processes.
+void AddBusOptions(CLI::App* sub, std::string* lcm_url, std::string* channel_prefix, std::string* log_level);
 
 }  // namespace mapmend

@@ -133,13 +133,7 @@ void AddReplayCommand(CLI::App* app) {
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   sub->add_option("--port", options->port, "of the live page, 0: none")->capture_default_str();
-  sub->add_option("--lcm-url", options->lcm_url,
-                  "LCM network (default: $LCM_DEFAULT_URL, else a private hub on a free port)");
-  sub->add_option("--channel-prefix", options->channel_prefix,
-                  "put before every channel name, so that runs can share a bus");
-  sub->add_option("--log-level", options->log_level, "of the log files in OUT/logs: debug, info, warn or error")
-      ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
-      ->capture_default_str();
+  AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
   sub->footer(
       "Exit codes: 0 done; 1 an error, told in one line; 3 the recording is not complete (what it holds is mapped); "
       "130\n"

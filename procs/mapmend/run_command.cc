@@ -50,15 +50,7 @@ void AddRunCommand(CLI::App* app) {
   sub->add_option("--port", options->port, "of the live page, 0: none (default: a free one from 8080 on)");
   sub->add_option("--vehicle", options->vehicle, "name of the camera's carrier, for the report");
   sub->add_option("--session", options->session, "id of this flight in the map, a UUID (default: made from input and options; new with --append)");
-  sub->add_option("--lcm-url", options->lcm_url,
-                  "LCM network, e.g. tcpq://127.0.0.1:7700; a hub is started there unless one runs (default: "
-                  "$LCM_DEFAULT_URL, else a "
-                  "private hub on a free port)");
-  sub->add_option("--channel-prefix", options->channel_prefix,
-                  "put before every channel name, so that runs can share a bus");
-  sub->add_option("--log-level", options->log_level, "of the log files in OUT/logs: debug, info, warn or error")
-      ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
-      ->capture_default_str();
+  AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
   sub->footer(
       "Exit codes: 0 done; 1 an error, told in one line; 3 INPUT ends early (what could be read is mapped); 130 "
       "interrupted\n"

@@ -127,4 +127,24 @@ TemporaryFolder::~TemporaryFolder() {
   fs::remove_all(path_, ignored);
 }
 
+pid_t FindProcess(const RunningCommand& run, const std::string& program) {
+  // With the slash and the NUL about it, so that only the program itself is meant.
+  const std::string word = "/" + program + std::string(1, '\0');
+  for (const pid_t pid : run.Survivors()) {
+    if (pid != run.Pid() && ReadText("/proc/" + std::to_string(pid) + "/cmdline").find(word) != std::string::npos) return pid;
+  }
+  return -1;
+}
+
+void KillAndAwaitReturn(const RunningCommand& run, const std::string& program) {
+  pid_t pid = -1;
+  ASSERT_TRUE(WaitUntil([&] { return (pid = FindProcess(run, program)) > 0; }, 10)) << program;
+  kill(pid, SIGKILL);
+  const auto has_returned = [&] {
+    const pid_t next = FindProcess(run, program);
+    return next > 0 && next != pid;
+  };
+  ASSERT_TRUE(WaitUntil(has_returned, 10)) << program;
+}
+
 }  // namespace mapmend

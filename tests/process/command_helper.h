@@ -42,6 +42,11 @@ class RunningCommand {
 // Runs a command to its end; fails the test if it takes longer than timeout_s or leaves a process behind.
 CommandResult RunCommand(const std::vector<std::string>& argv, double timeout_s = 60);
 
+// The process of a run with this program (its arguments may follow, each after a NUL); -1 if there is none.
+pid_t FindProcess(const RunningCommand& run, const std::string& program);
+// Fails the test if the program is not there, or not started again within 10 s of its SIGKILL.
+void KillAndAwaitReturn(const RunningCommand& run, const std::string& program);
+
 // Waits until the condition holds, at most timeout_s.
 template <typename Condition>
 bool WaitUntil(Condition condition, double timeout_s);

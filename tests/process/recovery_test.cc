@@ -31,15 +31,6 @@ std::vector<std::string> RunArguments(const std::string& out) {
           out};
 }
 
-// The process of a run whose command line holds this word; -1 if there is none.
-pid_t FindProcess(const RunningCommand& run, const std::string& word) {
-  for (const pid_t pid : run.Survivors()) {
-    if (pid != run.Pid() && ReadText("/proc/" + std::to_string(pid) + "/cmdline").find(word) != std::string::npos)
-      return pid;
-  }
-  return -1;
-}
-
 nlohmann::json Summary(const std::string& out) {
   const std::string text = ReadText(out + "/summary.json");
   return text.empty() ? nlohmann::json::object() : nlohmann::json::parse(text);
@@ -50,22 +41,11 @@ TEST(Recovery, KilledProcessesComeBackAndTheMapIsTheSame) {
   ASSERT_EQ(RunCommand(RunArguments(folder / "undisturbed"), 240).exit_code, 0);
 
   RunningCommand run(RunArguments(folder / "disturbed"), folder / "output");
-  // With the NUL that begins or ends an argument, so that only the program itself is meant.
-  const std::string end(1, '\0');
-  ASSERT_TRUE(WaitUntil([&] { return FindProcess(run, "/frontend" + end) > 0; }, 60)) << ReadText(folder / "output");
-  for (const std::string& program :
-       {"/submap_store" + end, "/merger" + end, "/viewer_export" + end, "/mapmend" + end + "hub" + end}) {
+  ASSERT_TRUE(WaitUntil([&] { return FindProcess(run, "frontend") > 0; }, 60)) << ReadText(folder / "output");
+  for (const std::string& program : {std::string("submap_store"), std::string("merger"), std::string("viewer_export"),
+                                     "mapmend" + std::string(1, '\0') + "hub"}) {
     SleepSeconds(0.5);
-    const pid_t pid = FindProcess(run, program);
-    ASSERT_GT(pid, 0) << program;
-    kill(pid, SIGKILL);
-    ASSERT_TRUE(WaitUntil(
-        [&] {
-          const pid_t next = FindProcess(run, program);
-          return next > 0 && next != pid;
-        },
-        10))
-        << program;
+    KillAndAwaitReturn(run, program);
   }
   const auto result = run.Wait(240);
   ASSERT_TRUE(result) << ReadText(folder / "output");
@@ -82,13 +62,12 @@ TEST(Recovery, KilledProcessesComeBackAndTheMapIsTheSame) {
 TEST(Recovery, WhatAKilledFrontendSawIsMapped) {
   const TemporaryFolder folder;
   RunningCommand run(RunArguments(folder / "out"), folder / "output");
-  const std::string end(1, '\0');
   // After some keyframes are in the store: each takes some twenty thousand bytes.
   ASSERT_TRUE(WaitUntil(
       [&] { return ReadText(folder / "out/map.db-wal").size() + ReadText(folder / "out/map.db").size() > 1000000; },
       60))
       << ReadText(folder / "output");
-  const pid_t pid = FindProcess(run, "/frontend" + end);
+  const pid_t pid = FindProcess(run, "frontend");
   ASSERT_GT(pid, 0);
   kill(pid, SIGKILL);
   const auto result = run.Wait(120);

@@ -13,34 +13,11 @@ namespace {
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
 
-pid_t FindProcess(const RunningCommand& run, const std::string& program) {
-  const std::string end(1, '\0');
-  for (const pid_t pid : run.Survivors()) {
-    if (pid != run.Pid() && ReadText("/proc/" + std::to_string(pid) + "/cmdline").find("/" + program + end) != std::string::npos) {
-      return pid;
-    }
-  }
-  return -1;
-}
-
 // The map grows with every keyframe.
 double Size(const std::string& path) {
   std::error_code error;
   const auto bytes = std::filesystem::file_size(path, error);
   return error ? 0 : static_cast<double>(bytes);
-}
-
-void KillAndAwaitReturn(const RunningCommand& run, const std::string& program) {
-  pid_t pid = -1;
-  ASSERT_TRUE(WaitUntil([&] { return (pid = FindProcess(run, program)) > 0; }, 10)) << program;
-  kill(pid, SIGKILL);
-  ASSERT_TRUE(WaitUntil(
-      [&] {
-        const pid_t next = FindProcess(run, program);
-        return next > 0 && next != pid;
-      },
-      10))
-      << program;
 }
 
 std::string Hash(const std::string& db) { return RunCommand({kProgram, "db", "hash", db}).output; }
