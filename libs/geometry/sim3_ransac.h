@@ -21,7 +21,7 @@ struct Sim3RansacOptions {
   double confidence = 0.999;     // stop once a better model has been missed with less than 1 - confidence
   double max_squared_error = 9.21;  // both ways, in sigma^2: 99 % of a chi-square with 2 degrees of freedom
   double max_scale = 8;          // of b_from_a, and its inverse; beyond it ORB cannot have matched
-  int min_inliers = 8;
+  int min_inliers = 4;
 
   // Empty, or what is wrong.
   std::string Check() const;

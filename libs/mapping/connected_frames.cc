@@ -6,23 +6,12 @@
 #include <map>
 #include <set>
 
-#include "libs/features/matching.h"
 #include "libs/mapping/guided_projection.h"
 #include "libs/mapping/text_format.h"
+#include "libs/mapping/window_matching.h"
 
 namespace mapmend {
 namespace {
-
-using Window = std::vector<const SubmapKeyframe*>;
-
-// Features of a keyframe that observe a live map point.
-std::vector<int> MappedFeatures(const Submap& submap, const SubmapKeyframe& keyframe) {
-  std::vector<int> features;
-  for (int i = 0; i < keyframe.features.Size(); ++i) {
-    if (keyframe.map_points[i].IsValid() && submap.points.contains(keyframe.map_points[i])) features.push_back(i);
-  }
-  return features;
-}
 
 CrossObservation MakeObservation(const Eigen::Vector3d& point, const SubmapView& target,
                                  const SubmapKeyframe& keyframe, int feature) {
@@ -31,61 +20,13 @@ CrossObservation MakeObservation(const Eigen::Vector3d& point, const SubmapView&
           target.pyramid.Sigma(keypoint.octave)};
 }
 
-// Two map points believed the same, from each of the two keyframes with all of the other's window.
-struct PooledMatch {
-  MapPointId point_a, point_b;
-  int votes = 0, distance = 256;
-  const SubmapKeyframe *keyframe_a = nullptr, *keyframe_b = nullptr;  // of the nearest descriptors
-  int feature_a = -1, feature_b = -1;
-};
-
-std::vector<PooledMatch> MatchWindows(const SubmapView& a, const Window& window_a, const SubmapView& b,
-                                      const Window& window_b, const ConnectedFramesOptions& options) {
-  const MatchOptions match_options{options.max_distance, options.ratio, true, true};
-  std::vector<std::vector<int>> masks_a, masks_b;
-  for (const SubmapKeyframe* k : window_a) masks_a.push_back(MappedFeatures(*a.submap, *k));
-  for (const SubmapKeyframe* k : window_b) masks_b.push_back(MappedFeatures(*b.submap, *k));
-  std::map<std::pair<MapPointId, MapPointId>, PooledMatch> pooled;
-  for (size_t i = 0; i < window_a.size(); ++i) {
-    for (size_t j = 0; j < window_b.size(); ++j) {
-      // The pairs of neighbours with neighbours would add cost, and hardly a match.
-      if ((i > 0 && j > 0) || masks_a[i].empty() || masks_b[j].empty()) continue;
-      const SubmapKeyframe &ka = *window_a[i], &kb = *window_b[j];
-      for (const Match& m :
-           MatchByNodes(ka.features, ka.nodes, kb.features, kb.nodes, match_options, masks_a[i], masks_b[j])) {
-        const auto key = std::pair(ka.map_points[m.a], kb.map_points[m.b]);
-        if (a.submap == b.submap && key.first == key.second) continue;
-        PooledMatch& match = pooled[key];
-        ++match.votes;
-        if (m.distance < match.distance) {
-          match = {key.first, key.second, match.votes, m.distance, &ka, &kb, m.a, m.b};
-        }
-      }
-    }
-  }
-  // One to one: most votes first, then the nearest descriptors; the map's order breaks ties.
-  std::vector<PooledMatch> matches;
-  for (const auto& [key, match] : pooled) matches.push_back(match);
-  std::stable_sort(matches.begin(), matches.end(), [](const PooledMatch& l, const PooledMatch& r) {
-    return std::pair(-l.votes, l.distance) < std::pair(-r.votes, r.distance);
-  });
-  std::set<MapPointId> used_a, used_b;
-  std::erase_if(matches, [&](const PooledMatch& m) {
-    if (used_a.contains(m.point_a) || used_b.contains(m.point_b)) return true;
-    used_a.insert(m.point_a);
-    used_b.insert(m.point_b);
-    return false;
-  });
-  return matches;
-}
-
 // Everything a window knows of its map points: each point as the earliest keyframe of the window sees it.
 struct WindowAppearance {
   std::vector<PointAppearance> points;
   std::vector<Eigen::Quaterniond> rotations;
 };
 
-WindowAppearance Describe(const SubmapView& view, const Window& window) {
+WindowAppearance Describe(const SubmapView& view, const KeyframeWindow& window) {
   WindowAppearance result;
   std::set<MapPointId> seen;
   for (size_t i = 0; i < window.size(); ++i) {
@@ -99,15 +40,35 @@ WindowAppearance Describe(const SubmapView& view, const Window& window) {
   return result;
 }
 
+// One side of a pair: the keyframe asked about first, then its window. Appearances and grids are made when they are needed.
+struct Side {
+  SubmapView view;
+  KeyframeWindow window;
+  WindowAppearance appearance = {};
+  std::vector<FeatureGrid> grids = {};
+
+  void Prepare(int num_searched) {
+    if (!grids.empty()) return;
+    appearance = Describe(view, window);
+    for (size_t i = 0; i < window.size() && i < static_cast<size_t>(num_searched); ++i) {
+      grids.emplace_back(window[i]->features.keypoints, view.camera.width, view.camera.height);
+    }
+  }
+};
+
+struct Sides {
+  Side a, b;
+  bool same_submap = false;
+};
+
 struct GuidedMatches {
   std::vector<CrossMatch> matches;
-  int num_visible = 0, num_found = 0;  // in the first keyframe of the window
+  int num_expected = 0, num_found = 0;  // in the first keyframe of the window
 };
 
 // Points of the source looked for in the first keyframes of the target window, as many as there are grids.
-GuidedMatches SearchWindow(const WindowAppearance& source, const Similarity3& target_from_source,
-                           const SubmapView& target, const Window& window, const std::vector<FeatureGrid>& grids,
-                           double radius, bool same_submap, const ConnectedFramesOptions& options) {
+GuidedMatches SearchWindow(const Side& source, const Similarity3& target_from_source, const Side& target, double radius,
+                           bool same_submap, const ConnectedFramesOptions& options) {
   ProjectionSearchOptions search;
   search.radius = radius;
   search.max_distance = options.guided_max_distance;
@@ -115,18 +76,20 @@ GuidedMatches SearchWindow(const WindowAppearance& source, const Similarity3& ta
   search.octave_tolerance = options.octave_tolerance;
   search.max_turn = options.max_turn_deg * M_PI / 180;
   GuidedMatches result;
-  for (size_t j = 0; j < grids.size(); ++j) {
-    const SubmapKeyframe& keyframe = *window[j];
+  for (size_t j = 0; j < target.grids.size(); ++j) {
+    const SubmapKeyframe& keyframe = *target.window[j];
     const Similarity3 cam_from_source = Similarity3(keyframe.cam_from_submap) * target_from_source;
-    const ProjectionMatches found = FindByProjection(source.points, source.rotations, cam_from_source, target.camera,
-                                                     target.pyramid, keyframe.features, grids[j], search);
+    const ProjectionMatches found = FindByProjection(source.appearance.points, source.appearance.rotations, cam_from_source,
+                                                     target.view.camera, target.view.pyramid, keyframe.features,
+                                                     target.grids[j], search);
     for (const ProjectionMatch& m : found.matches) {
-      const MapPointId point = source.points[m.appearance].id;
+      const MapPointId point = source.appearance.points[m.appearance].id;
       if (same_submap && keyframe.map_points[m.feature] == point) continue;
       result.matches.push_back({point, keyframe.id, m.feature});
       if (j == 0) ++result.num_found;
     }
-    if (j == 0) result.num_visible = found.num_visible;
+    // From far above there are fewer features than points to be seen: a feature is one point at most.
+    if (j == 0) result.num_expected = std::min(found.num_visible, found.num_reachable);
   }
   return result;
 }
@@ -186,6 +149,126 @@ std::vector<std::pair<MapPointId, MapPointId>> CommonPoints(const ConnectedFrame
   return common;
 }
 
+// Keyframes to look at on the side that stands nearer: of its images it takes more to cover what the other's one shows.
+int ZoomedWindow(double zoom, const ConnectedFramesOptions& options) {
+  return std::min(options.max_window_size, static_cast<int>(std::lround(options.window_size * std::max(1.0, zoom))));
+}
+
+// In each of two images of which the one shows things so many times larger than the other: that shows a small part of the other's
+// ground, and little that it resolves.
+int CellsNeeded(double zoom, const ConnectedFramesOptions& options) {
+  const int share = static_cast<int>(std::lround(2 * options.min_cells / std::max(zoom, 1 / zoom)));
+  return std::min(options.min_cells, std::max(options.min_cells_of_zoomed, share));
+}
+
+// From matches that agree in scale and turn to a transform, and what speaks for it.
+ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* sides, const ConnectedFramesOptions& options) {
+  Side &side_a = sides->a, &side_b = sides->b;
+  const SubmapView &a = side_a.view, &b = side_b.view;
+  const SubmapKeyframe &frame_a = *side_a.window[0], &frame_b = *side_b.window[0];
+  ConnectedFrames result;
+  result.num_matches = static_cast<int>(matches.size());
+  std::vector<PointMatch> point_matches;
+  for (const PooledMatch& m : matches) {
+    point_matches.push_back(
+        {MakeObservation(a.submap->points.at(m.point_a).position, b, *m.keyframe_b, m.feature_b),
+         MakeObservation(b.submap->points.at(m.point_b).position, a, *m.keyframe_a, m.feature_a)});
+  }
+  const Sim3RansacResult ransac = EstimateSim3(point_matches, options.ransac);
+  result.num_ransac_inliers = ransac.num_inliers;
+  if (!ransac.success) {
+    result.reason = Format("%d map points look alike, but only %d agree on one transform (%d needed)",
+                           result.num_matches, ransac.num_inliers, options.ransac.min_inliers);
+    return result;
+  }
+  Similarity3 b_from_a = ransac.b_from_a;
+  {
+    CrossObservations seeds;
+    for (size_t i = 0; i < point_matches.size(); ++i) {
+      if (!ransac.is_inlier[i]) continue;
+      seeds.a_in_b.push_back(point_matches[i].a_in_b);
+      seeds.b_in_a.push_back(point_matches[i].b_in_a);
+    }
+    const Sim3RefinementResult refined = RefineSim3(seeds, b_from_a, options.refinement);
+    if (refined.success) b_from_a = refined.b_from_a;
+  }
+
+  // Guided matching with the transform and refinement on what it finds, again and again: each search is narrower and better aimed.
+  // Few seeds aim badly.
+  side_a.Prepare(options.num_searched);
+  side_b.Prepare(options.num_searched);
+  std::vector<double> factors = {1.0, 0.5};
+  if (ransac.num_inliers < options.min_good_seeds) factors.insert(factors.begin(), 2.0);
+  Sim3RefinementResult refined;
+  int num_expected = 0, num_found = 0;
+  double zoom = 1;  // size of things in the image of b, of those in a's
+  for (size_t round = 0; round < factors.size(); ++round) {
+    const double radius = factors[round] * options.search_radius;
+    const GuidedMatches in_b = SearchWindow(side_a, b_from_a, side_b, radius, sides->same_submap, options);
+    const GuidedMatches in_a = SearchWindow(side_b, b_from_a.Inverse(), side_a, radius, sides->same_submap, options);
+    const CrossObservations observations = ResolveMatches(a, b, in_b.matches, in_a.matches);
+    refined = RefineSim3(observations, b_from_a, options.refinement);
+    result.num_inliers = refined.num_inliers;
+    const int needed = round + 1 == factors.size() ? options.min_inliers : options.min_inliers / 2;
+    if (!refined.success || refined.num_inliers < needed) {
+      result.reason =
+          Format("%d of %d map points agree on a transform, but projecting the rest finds only %d (%d needed)",
+                 ransac.num_inliers, result.num_matches, refined.num_inliers, options.min_inliers);
+      return result;
+    }
+    b_from_a = refined.b_from_a;
+    zoom = b_from_a.scale * MedianDepth(*a.submap, frame_a) * b.camera.fx /
+                        (MedianDepth(*b.submap, frame_b) * a.camera.fx);
+    result.wanted = {ZoomedWindow(1 / zoom, options), ZoomedWindow(zoom, options)};
+    result.a_in_b = Select(in_b.matches, refined.inlier_a_in_b);
+    result.b_in_a = Select(in_a.matches, refined.inlier_b_in_a);
+    num_expected = in_a.num_expected + in_b.num_expected;
+    num_found = 0;
+    for (const CrossMatch& m : result.a_in_b) num_found += m.keyframe == frame_b.id;
+    for (const CrossMatch& m : result.b_in_a) num_found += m.keyframe == frame_a.id;
+  }
+  result.b_from_a = b_from_a;
+  result.information = refined.information;
+  result.median_error_px = refined.median_error_px;
+  result.match_rate = num_expected > 0 ? static_cast<double>(num_found) / num_expected : 0;
+  result.common_points = CommonPoints(result, *a.submap, *b.submap);
+  std::vector<Eigen::Vector3d> common_in_b;
+  for (const auto& [point_a, point_b] : result.common_points) common_in_b.push_back(b.submap->points.at(point_b).position);
+  result.median_angle_rad =
+      MedianIntersectionAngle(b_from_a * frame_a.cam_from_submap.Center(), frame_b.cam_from_submap.Center(), common_in_b);
+
+  const int each_way = static_cast<int>(std::min(result.a_in_b.size(), result.b_in_a.size()));
+  const int cells = std::min(CountCells(result.b_in_a, frame_a, a.camera), CountCells(result.a_in_b, frame_b, b.camera));
+  const int cells_needed = CellsNeeded(zoom, options);
+  const double scale = std::max(b_from_a.scale, 1 / b_from_a.scale);
+  Thin(options.max_kept, &result.a_in_b);
+  Thin(options.max_kept, &result.b_in_a);
+  if (each_way < options.min_inliers_each_way) {
+    result.reason = Format("%d inliers, but only %d in one of the two directions (%d needed)", result.num_inliers,
+                           each_way, options.min_inliers_each_way);
+  } else if (static_cast<int>(result.common_points.size()) < options.min_common_points) {
+    result.reason = Format("%d inliers, but only %zu map points in common (%d needed)", result.num_inliers,
+                           result.common_points.size(), options.min_common_points);
+  } else if (cells < cells_needed) {
+    result.reason = Format("the %d inliers cover only %d of 48 image cells (%d needed)", result.num_inliers, cells,
+                           cells_needed);
+  } else if (result.match_rate < options.min_match_rate) {
+    result.reason = Format("only %.0f %% of the %d map points that should be seen are found (%.0f %% needed)",
+                           100 * result.match_rate, num_expected, 100 * options.min_match_rate);
+  } else if (result.median_error_px > options.max_median_error) {
+    result.reason = Format("median reprojection error %.1f px (at most %.1f)", result.median_error_px,
+                           options.max_median_error);
+  } else if (scale > options.max_scale) {
+    result.reason = Format("the submaps' scales would differ by a factor of %.1f (at most %.1f)", scale, options.max_scale);
+  } else {
+    result.success = true;
+    result.reason = Format("%d reprojections agree (median %.2f px, %.0f %% of those expected), %zu common points, %d cells",
+                           result.num_inliers, result.median_error_px, 100 * result.match_rate,
+                           result.common_points.size(), cells);
+  }
+  return result;
+}
+
 }  // namespace
 
 std::string ConnectedFramesOptions::Check() const {
@@ -239,130 +322,41 @@ double MedianErrorPx(const CrossObservations& observations, const Similarity3& b
   return *middle;
 }
 
-ConnectedFrames VerifyConnectedFrames(const SubmapView& a, KeyframeId keyframe_a, const SubmapView& b,
-                                      KeyframeId keyframe_b, const ConnectedFramesOptions& options) {
+ConnectedFrames VerifyConnectedFrames(const SubmapView& a, KeyframeId keyframe_a, const SubmapView& b, KeyframeId keyframe_b,
+                                      const ConnectedFramesOptions& options, const WindowSizes& sizes) {
   ConnectedFrames result;
   result.keyframe_a = keyframe_a;
   result.keyframe_b = keyframe_b;
-  const bool same_submap = a.submap == b.submap;
-  Window window_a = LocalWindow(*a.submap, keyframe_a, options.window_size);
-  Window window_b = LocalWindow(*b.submap, keyframe_b, options.window_size);
-  if (same_submap) {
+  Sides sides{{a, LocalWindow(*a.submap, keyframe_a, std::max(sizes.a, options.window_size))},
+              {b, LocalWindow(*b.submap, keyframe_b, std::max(sizes.b, options.window_size))},
+              a.submap == b.submap};
+  if (sides.same_submap) {
     // A keyframe in both windows would vouch for itself.
     std::set<KeyframeId> in_a;
-    for (const SubmapKeyframe* k : window_a) in_a.insert(k->id);
+    for (const SubmapKeyframe* k : sides.a.window) in_a.insert(k->id);
     if (in_a.contains(keyframe_b)) {
       result.reason = "the two keyframes are neighbours already";
       return result;
     }
-    std::erase_if(window_b, [&](const SubmapKeyframe* k) { return in_a.contains(k->id); });
+    std::erase_if(sides.b.window, [&](const SubmapKeyframe* k) { return in_a.contains(k->id); });
   }
 
-  const std::vector<PooledMatch> matches = MatchWindows(a, window_a, b, window_b, options);
-  result.num_matches = static_cast<int>(matches.size());
-  if (result.num_matches < options.min_matches) {
-    result.reason = Format("only %d map points look alike (%d needed)", result.num_matches, options.min_matches);
-    return result;
-  }
-
-  std::vector<PointMatch> point_matches;
-  for (const PooledMatch& m : matches) {
-    point_matches.push_back(
-        {MakeObservation(a.submap->points.at(m.point_a).position, b, *m.keyframe_b, m.feature_b),
-         MakeObservation(b.submap->points.at(m.point_b).position, a, *m.keyframe_a, m.feature_a)});
-  }
-  const Sim3RansacResult ransac = EstimateSim3(point_matches, options.ransac);
-  result.num_ransac_inliers = ransac.num_inliers;
-  if (!ransac.success) {
-    result.reason = Format("%d map points look alike, but only %d agree on one transform (%d needed)",
-                           result.num_matches, ransac.num_inliers, options.ransac.min_inliers);
-    return result;
-  }
-
-  // Guided matching with the transform, refinement on what it finds, twice: the second search is narrower and better aimed.
-  const WindowAppearance appearance_a = Describe(a, window_a), appearance_b = Describe(b, window_b);
-  const auto make_grids = [&](const SubmapView& view, const Window& window) {
-    std::vector<FeatureGrid> grids;
-    for (size_t i = 0; i < window.size() && i < static_cast<size_t>(options.num_searched); ++i) {
-      grids.emplace_back(window[i]->features.keypoints, view.camera.width, view.camera.height);
+  std::vector<PooledMatch> alike = MatchWindows(a, sides.a.window, b, sides.b.window, options.matching);
+  for (int hypothesis = 0; hypothesis < options.num_hypotheses; ++hypothesis) {
+    const std::vector<PooledMatch> matches = TakeAgreeing(options.matching, a.pyramid.scale_factor, &alike);
+    if (static_cast<int>(matches.size()) < options.min_matches) {
+      if (hypothesis == 0) {
+        result.num_matches = static_cast<int>(matches.size());
+        result.reason = Format("of %zu map points that look alike only %zu agree in scale and turn (%d needed)",
+                               alike.size() + matches.size(), matches.size(), options.min_matches);
+      }
+      break;
     }
-    return grids;
-  };
-  const std::vector<FeatureGrid> grids_a = make_grids(a, window_a), grids_b = make_grids(b, window_b);
-  Similarity3 b_from_a = ransac.b_from_a;
-  {
-    CrossObservations seeds;
-    for (size_t i = 0; i < point_matches.size(); ++i) {
-      if (!ransac.is_inlier[i]) continue;
-      seeds.a_in_b.push_back(point_matches[i].a_in_b);
-      seeds.b_in_a.push_back(point_matches[i].b_in_a);
-    }
-    const Sim3RefinementResult refined = RefineSim3(seeds, b_from_a, options.refinement);
-    if (refined.success) b_from_a = refined.b_from_a;
-  }
-  Sim3RefinementResult refined;
-  int num_visible = 0, num_found = 0;
-  for (const double factor : {1.0, 0.5}) {
-    const double radius = factor * options.search_radius;
-    const GuidedMatches in_b =
-        SearchWindow(appearance_a, b_from_a, b, window_b, grids_b, radius, same_submap, options);
-    const GuidedMatches in_a =
-        SearchWindow(appearance_b, b_from_a.Inverse(), a, window_a, grids_a, radius, same_submap, options);
-    const CrossObservations observations = ResolveMatches(a, b, in_b.matches, in_a.matches);
-    refined = RefineSim3(observations, b_from_a, options.refinement);
-    result.num_inliers = refined.num_inliers;
-    if (!refined.success || refined.num_inliers < options.min_inliers) {
-      result.reason =
-          Format("%d of %d map points agree on a transform, but projecting the rest finds only %d (%d needed)",
-                 ransac.num_inliers, result.num_matches, refined.num_inliers, options.min_inliers);
-      return result;
-    }
-    b_from_a = refined.b_from_a;
-    result.a_in_b = Select(in_b.matches, refined.inlier_a_in_b);
-    result.b_in_a = Select(in_a.matches, refined.inlier_b_in_a);
-    num_visible = in_a.num_visible + in_b.num_visible;
-    num_found = 0;
-    for (const CrossMatch& m : result.a_in_b) num_found += m.keyframe == keyframe_b;
-    for (const CrossMatch& m : result.b_in_a) num_found += m.keyframe == keyframe_a;
-  }
-  result.b_from_a = b_from_a;
-  result.information = refined.information;
-  result.median_error_px = refined.median_error_px;
-  result.match_rate = num_visible > 0 ? static_cast<double>(num_found) / num_visible : 0;
-  result.common_points = CommonPoints(result, *a.submap, *b.submap);
-  const SubmapKeyframe &frame_a = *window_a[0], &frame_b = *window_b[0];
-  std::vector<Eigen::Vector3d> common_in_b;
-  for (const auto& [point_a, point_b] : result.common_points) common_in_b.push_back(b.submap->points.at(point_b).position);
-  result.median_angle_rad =
-      MedianIntersectionAngle(b_from_a * frame_a.cam_from_submap.Center(), frame_b.cam_from_submap.Center(), common_in_b);
-
-  const int each_way = static_cast<int>(std::min(result.a_in_b.size(), result.b_in_a.size()));
-  const int cells = std::min(CountCells(result.b_in_a, frame_a, a.camera), CountCells(result.a_in_b, frame_b, b.camera));
-  const double scale = std::max(b_from_a.scale, 1 / b_from_a.scale);
-  Thin(options.max_kept, &result.a_in_b);
-  Thin(options.max_kept, &result.b_in_a);
-  if (each_way < options.min_inliers_each_way) {
-    result.reason = Format("%d inliers, but only %d in one of the two directions (%d needed)", result.num_inliers,
-                           each_way, options.min_inliers_each_way);
-  } else if (static_cast<int>(result.common_points.size()) < options.min_common_points) {
-    result.reason = Format("%d inliers, but only %zu map points in common (%d needed)", result.num_inliers,
-                           result.common_points.size(), options.min_common_points);
-  } else if (cells < options.min_cells) {
-    result.reason = Format("the %d inliers cover only %d of 48 image cells (%d needed)", result.num_inliers, cells,
-                           options.min_cells);
-  } else if (result.match_rate < options.min_match_rate) {
-    result.reason = Format("only %.0f %% of the %d map points that should be seen are found (%.0f %% needed)",
-                           100 * result.match_rate, num_visible, 100 * options.min_match_rate);
-  } else if (result.median_error_px > options.max_median_error) {
-    result.reason = Format("median reprojection error %.1f px (at most %.1f)", result.median_error_px,
-                           options.max_median_error);
-  } else if (scale > options.max_scale) {
-    result.reason = Format("the submaps' scales would differ by a factor of %.1f (at most %.1f)", scale, options.max_scale);
-  } else {
-    result.success = true;
-    result.reason = Format("%d reprojections agree (median %.2f px, %.0f %% of those expected), %zu common points, %d cells",
-                           result.num_inliers, result.median_error_px, 100 * result.match_rate,
-                           result.common_points.size(), cells);
+    ConnectedFrames tried = TryHypothesis(matches, &sides, options);
+    tried.keyframe_a = keyframe_a;
+    tried.keyframe_b = keyframe_b;
+    if (tried.success) return tried;
+    if (hypothesis == 0 || tried.num_inliers > result.num_inliers) result = std::move(tried);
   }
   return result;
 }

@@ -2,15 +2,43 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace mapmend {
-namespace {
-
-// In-plane turn of an image when its camera is rotated by r (target_from_source): exact about the optical axis, and the
-// closest such rotation otherwise.
+// Exact about the optical axis, and the closest such rotation otherwise.
 double InPlaneTurn(const Eigen::Matrix3d& r) { return std::atan2(r(1, 0) - r(0, 1), r(0, 0) + r(1, 1)); }
 
 double WrapAngle(double angle) { return angle - 2 * M_PI * std::floor((angle + M_PI) / (2 * M_PI)); }
+
+namespace {
+
+// Octaves at which points are predicted, by part of the image.
+class PredictedOctaves {
+ public:
+  PredictedOctaves(const Pinhole& camera, int tolerance) : camera_(camera), tolerance_(tolerance) {}
+
+  void Add(const Eigen::Vector2d& pixel, int octave) {
+    auto& [low, high] = ranges_[Cell(pixel)];
+    low = std::min(low, octave - tolerance_);
+    high = std::max(high, octave + tolerance_);
+  }
+  bool Reach(const Keypoint& keypoint) const {
+    const auto& [low, high] = ranges_[Cell(keypoint.pixel.cast<double>())];
+    return keypoint.octave >= low && keypoint.octave <= high;
+  }
+
+ private:
+  static constexpr int kColumns = 8, kRows = 6;
+  size_t Cell(const Eigen::Vector2d& pixel) const {
+    const int column = std::clamp(static_cast<int>(kColumns * pixel.x() / camera_.width), 0, kColumns - 1);
+    const int row = std::clamp(static_cast<int>(kRows * pixel.y() / camera_.height), 0, kRows - 1);
+    return static_cast<size_t>(kColumns * row + column);
+  }
+
+  const Pinhole& camera_;
+  const int tolerance_;
+  std::vector<std::pair<int, int>> ranges_ = std::vector<std::pair<int, int>>(kColumns * kRows, {1000, -1000});
+};
 
 }  // namespace
 
@@ -42,6 +70,7 @@ ProjectionMatches FindByProjection(const std::vector<PointAppearance>& appearanc
   for (int o = 0; o < pyramid.num_levels; ++o) scales.push_back(pyramid.Scale(o));
   const double log_factor = std::log(pyramid.scale_factor);
   std::vector<ProjectionMatch> best_of_feature(features.Size());
+  PredictedOctaves octaves(camera, options.octave_tolerance);
 
   for (size_t k = 0; k < appearances.size(); ++k) {
     const PointAppearance& appearance = appearances[k];
@@ -55,7 +84,8 @@ ProjectionMatches FindByProjection(const std::vector<PointAppearance>& appearanc
     const double size_px = appearance.size * cam_from_owner.scale * camera.fx / x.z();
     const int octave = static_cast<int>(std::lround(std::log(size_px) / log_factor));
     if (octave < -options.octave_tolerance || octave >= pyramid.num_levels + options.octave_tolerance) continue;
-    ++result.num_visible;
+    result.num_visible += octave >= -1 && octave <= pyramid.num_levels;
+    octaves.Add(predicted, octave);
     const int clamped = std::clamp(octave, 0, pyramid.num_levels - 1);
     const double radius = options.radius * scales[clamped];
     const double turn = turns[appearance.source];
@@ -85,6 +115,7 @@ ProjectionMatches FindByProjection(const std::vector<PointAppearance>& appearanc
     ProjectionMatch& holder = best_of_feature[best.feature];
     if (best.distance < holder.distance) holder = best;
   }
+  for (const Keypoint& keypoint : features.keypoints) result.num_reachable += octaves.Reach(keypoint);
   for (const ProjectionMatch& match : best_of_feature) {
     if (match.feature >= 0) result.matches.push_back(match);
   }

@@ -8,6 +8,10 @@
 
 namespace mapmend {
 
+// In-plane turn (radians) of an image when its camera is rotated by target_from_source.
+double InPlaneTurn(const Eigen::Matrix3d& target_from_source);
+double WrapAngle(double angle);  // into [-pi, pi)
+
 // A map point with what is needed to recognise it in another image.
 struct PointAppearance {
   MapPointId id;
@@ -40,7 +44,8 @@ struct ProjectionMatch {
 
 struct ProjectionMatches {
   std::vector<ProjectionMatch> matches;  // at most one per feature and per appearance
-  int num_visible = 0;                   // points predicted inside the image at a usable octave
+  int num_visible = 0;                   // points predicted inside the image at an octave of the pyramid, give or take one
+  int num_reachable = 0;                 // features in those parts of the image, at octaves searched there
 };
 
 // Finds map points in a keyframe in which they are predicted: projection, octave and orientation must fit, then the

@@ -70,7 +70,7 @@ std::string MergerOptions::Check() const {
   if (const std::string e = cycles.Check(); !e.empty()) return "cycles: " + e;
   if (const std::string e = refinement.Check(); !e.empty()) return "refinement: " + e;
   if (const std::string e = live_refinement.Check(); !e.empty()) return "live_refinement: " + e;
-  if (max_cached_keyframes < 4 * connected_frames.window_size) return "the cache must hold the keyframes of two windows, twice";
+  if (max_cached_keyframes < connected_frames.max_window_size + connected_frames.window_size) return "the cache must hold the keyframes of two windows";
   if (max_proposals < 1 || max_verified_per_submap < 1 || max_accepted_per_submap < 1 || max_evidence < 1) {
     return "the limits must be positive";
   }
@@ -90,9 +90,16 @@ SubmapView Merger::View(const SubmapKey& key) const {
 
 ConnectedFrames Merger::Verify(const SubmapKey& a, KeyframeId keyframe_a, const SubmapKey& b, KeyframeId keyframe_b) {
   const SubmapView view_a = View(a), view_b = View(b);
-  cache_.Load(a, LocalWindow(*view_a.submap, keyframe_a, options_.connected_frames.window_size));
-  cache_.Load(b, LocalWindow(*view_b.submap, keyframe_b, options_.connected_frames.window_size));
-  return VerifyConnectedFrames(view_a, keyframe_a, view_b, keyframe_b, options_.connected_frames);
+  const int usual = options_.connected_frames.window_size;
+  const auto verify = [&](const WindowSizes& sizes) {
+    cache_.Load(a, LocalWindow(*view_a.submap, keyframe_a, sizes.a));
+    cache_.Load(b, LocalWindow(*view_b.submap, keyframe_b, sizes.b));
+    return VerifyConnectedFrames(view_a, keyframe_a, view_b, keyframe_b, options_.connected_frames, sizes);
+  };
+  ConnectedFrames frames = verify({usual, usual});
+  // Seen from very different heights a pair may need more of the nearer side's images to show what it shares.
+  if (!frames.success && std::max(frames.wanted.a, frames.wanted.b) >= 2 * usual) frames = verify(frames.wanted);
+  return frames;
 }
 
 bool Merger::IsOlder(const SubmapKey& l, const SubmapKey& r) const {

@@ -2,31 +2,20 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/unit/merger/synthetic_flight.h"
+#include "tests/unit/merger/merger_fixture.h"
 
 namespace mapmend {
 namespace {
 
 using testing::FlightOptions;
+using testing::Frame;
 using testing::MakeTerrain;
 using testing::Strip;
 using testing::SyntheticFlight;
+using testing::Terrain;
 using testing::TerrainOptions;
 using testing::TerrainPoint;
-
-const std::vector<TerrainPoint>& Terrain() {
-  static const std::vector<TerrainPoint> terrain = MakeTerrain({});
-  return terrain;
-}
-
-Similarity3 SomeFrame(double scale, double angle) {
-  return {scale, Eigen::Quaterniond(Eigen::AngleAxisd(angle, Eigen::Vector3d(1, 2, -1).normalized())),
-          Eigen::Vector3d(3, -2, 7)};
-}
-
-SubmapView View(const Session& session, int submap) {
-  return {&session.submaps.at(SubmapId(submap)), session.info.pinhole, session.info.pyramid};
-}
+using testing::ViewOf;
 
 // Two submaps of one flight in frames of their own, and the keyframes in their middles verified against each other.
 struct Pair {
@@ -38,13 +27,13 @@ struct Pair {
 Pair VerifyStrips(const std::vector<Rigid3>& poses_a, const std::vector<Rigid3>& poses_b, double scale_b,
                   const std::vector<TerrainPoint>& terrain = Terrain(), const FlightOptions& options = {}) {
   SyntheticFlight flight("s", 0, terrain, options);
-  flight.AddSubmap(poses_a, SomeFrame(0.02, 0.5));
-  flight.AddSubmap(poses_b, SomeFrame(0.02 * scale_b, -1.1));
+  flight.AddSubmap(poses_a, Frame(0.02, 0.5));
+  flight.AddSubmap(poses_b, Frame(0.02 * scale_b, -1.1));
   Pair pair;
   pair.session = flight.Model();
   pair.truth = flight.submap_from_world()[1] * flight.submap_from_world()[0].Inverse();
   const int a = static_cast<int>(poses_a.size() / 2), b = static_cast<int>(poses_a.size() + poses_b.size() / 2);
-  pair.result = VerifyConnectedFrames(View(pair.session, 0), KeyframeId(a), View(pair.session, 1), KeyframeId(b), {});
+  pair.result = VerifyConnectedFrames(ViewOf(pair.session, 0), KeyframeId(a), ViewOf(pair.session, 1), KeyframeId(b), {});
   return pair;
 }
 

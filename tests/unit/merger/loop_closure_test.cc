@@ -9,7 +9,7 @@
 #include "libs/geometry/sim3_closed_form.h"
 #include "libs/mapping/merged_refinement.h"
 #include "procs/merger/loop_connection.h"
-#include "tests/unit/merger/synthetic_flight.h"
+#include "tests/unit/merger/merger_fixture.h"
 
 namespace mapmend {
 namespace {
@@ -20,13 +20,9 @@ using testing::MakeTerrain;
 using testing::NadirPose;
 using testing::Strip;
 using testing::SyntheticFlight;
+using testing::Terrain;
 using testing::TerrainOptions;
 using testing::TerrainPoint;
-
-const std::vector<TerrainPoint>& Terrain() {
-  static const std::vector<TerrainPoint> terrain = MakeTerrain({});
-  return terrain;
-}
 
 // A circle and a bit more: the last keyframes stand where the first ones stood.
 std::vector<Rigid3> Circle(int count, int per_turn, const Eigen::Vector2d& center = {200, 200}, double radius = 100) {
@@ -55,7 +51,7 @@ struct Flown {
     flight.AddSubmap(poses, {0.03, Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 1, 2).normalized())), {1, 2, 3}});
     session = flight.Model();
   }
-  SubmapView View() const { return {&session.submaps.at(SubmapId(0)), session.info.pinhole, session.info.pyramid}; }
+  SubmapView View() const { return testing::ViewOf(session, 0); }
 
   // As the merger finds them: each keyframe asks for the older one that looks most alike among those that are not near.
   // Only for keyframes from first_b on, and only older ones up to last_a.

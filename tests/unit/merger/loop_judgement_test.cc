@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "libs/mapping/loop_closure.h"
-#include "tests/unit/merger/synthetic_flight.h"
+#include "tests/unit/merger/merger_fixture.h"
 
 namespace mapmend {
 namespace {
@@ -12,7 +12,9 @@ using testing::FlightOptions;
 using testing::MakeTerrain;
 using testing::Strip;
 using testing::SyntheticFlight;
+using testing::Terrain;
 using testing::TerrainPoint;
+using testing::ViewOf;
 
 // One submap seen from these poses, and two of its keyframes verified against each other.
 ConnectedFrames VerifyLoop(const std::vector<TerrainPoint>& terrain, const std::vector<Rigid3>& poses, double scale_drift, int a,
@@ -22,12 +24,12 @@ ConnectedFrames VerifyLoop(const std::vector<TerrainPoint>& terrain, const std::
   SyntheticFlight flight("s", 0, terrain, options);
   flight.AddSubmap(poses, Similarity3(0.02, Eigen::Quaterniond::Identity(), {1, 2, 3}));
   *session = flight.Model();
-  const SubmapView view{&session->submaps.at(SubmapId(0)), session->info.pinhole, session->info.pyramid};
+  const SubmapView view = ViewOf(*session, 0);
   return VerifyConnectedFrames(view, KeyframeId(a), view, KeyframeId(b), {});
 }
 
 LoopJudgement Judge(const Session& session, const ConnectedFrames& loop) {
-  return JudgeLoops({&session.submaps.at(SubmapId(0)), session.info.pinhole, session.info.pyramid}, {loop}, {});
+  return JudgeLoops(ViewOf(session, 0), {loop}, {});
 }
 
 TEST(LoopJudgement, ATrueRevisitIsPlausibleInSpiteOfDrift) {
@@ -36,7 +38,7 @@ TEST(LoopJudgement, ATrueRevisitIsPlausibleInSpiteOfDrift) {
   const auto back = Strip({260, 130}, {100, 130}, 100, 12, 270, &random);
   poses.insert(poses.end(), back.begin(), back.end());
   Session session;
-  const ConnectedFrames loop = VerifyLoop(MakeTerrain({}), poses, 0.002, 3, 20, &session);
+  const ConnectedFrames loop = VerifyLoop(Terrain(), poses, 0.002, 3, 20, &session);
   ASSERT_TRUE(loop.success) << loop.reason;
   EXPECT_GT(std::abs(loop.b_from_a.scale - 1), 0.02);  // it has drifted
   const LoopJudgement judgement = Judge(session, loop);

@@ -8,22 +8,16 @@
 #include <string>
 
 #include "libs/geometry/sim3_closed_form.h"
-#include "tests/unit/merger/synthetic_flight.h"
+#include "tests/unit/merger/merger_fixture.h"
 
 namespace mapmend {
 namespace {
 
 using testing::FlightOptions;
-using testing::MakeTerrain;
 using testing::NadirPose;
 using testing::Strip;
 using testing::SyntheticFlight;
-using testing::TerrainPoint;
-
-const std::vector<TerrainPoint>& Terrain() {
-  static const std::vector<TerrainPoint> terrain = MakeTerrain({});
-  return terrain;
-}
+using testing::Terrain;
 
 // Two strips there and back, side by side.
 std::vector<Rigid3> Survey(const Eigen::Vector2d& from, double length, double spacing, int strips, int per_strip,

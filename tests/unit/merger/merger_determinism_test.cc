@@ -162,10 +162,12 @@ TEST(MergerDeterminism, TheMapIsTheSameHoweverFewKeyframesAreHeld) {
     const std::vector<Record>& records;
   };
   const SyntheticFlight flight = ThreeCrossingStrips();
+  MergerOptions options;
+  options.connected_frames.max_window_size = 18;  // with the usual 6 on the other side 24 keyframes
   Recorder all, few;
   {
     BruteForceBow bow(flight.records());
-    Merger merger({}, &bow, &all);
+    Merger merger(options, &bow, &all);
     for (const Record& r : flight.records()) ASSERT_EQ(merger.Consume(r), "");
     merger.Finalize();
     EXPECT_EQ(merger.keyframe_cache().num_loaded(), 28);
@@ -173,7 +175,6 @@ TEST(MergerDeterminism, TheMapIsTheSameHoweverFewKeyframesAreHeld) {
   }
   BruteForceBow bow(flight.records());
   RecordSource source(flight.records());
-  MergerOptions options;
   options.max_cached_keyframes = 24;
   ASSERT_EQ(options.Check(), "");
   Merger merger(options, &bow, &few, &source);

@@ -37,6 +37,10 @@ const std::vector<TerrainPoint>& Terrain() {
   return terrain;
 }
 
+SubmapView ViewOf(const Session& session, int submap) {
+  return {&session.submaps.at(SubmapId(submap)), session.info.pinhole, session.info.pyramid};
+}
+
 Similarity3 Frame(double scale, double angle) {
   return {scale, Eigen::Quaterniond(Eigen::AngleAxisd(angle, Eigen::Vector3d(1, 2, -1).normalized())),
           Eigen::Vector3d(3, -2, 7)};

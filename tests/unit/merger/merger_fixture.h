@@ -46,6 +46,8 @@ Similarity3 Frame(double scale, double angle);
 // The terrain of most tests.
 const std::vector<TerrainPoint>& Terrain();
 
+SubmapView ViewOf(const Session& session, int submap);
+
 // Three submaps: 0 and 1 cross at 90 degrees, 2 lies apart from 0 and crosses 1.
 SyntheticFlight ThreeCrossingStrips();
 
