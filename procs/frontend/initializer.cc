@@ -126,18 +126,29 @@ void Initializer::DropBefore(const FramePtr& frame) {
 
 Initialization Initializer::AddFrame(const FramePtr& frame) {
   Initialization result;
+  // At thirty frames a second the next frame tells no more than the one that was refused.
+  if (frame->utime < refused_utime_ + static_cast<int64_t>(1e6 * options_.min_retry_s)) {
+    result.reason = refused_reason_;
+  } else {
+    result = TryPartners(frame);
+    if (!result.success && result.reason != "too_few_matches") {
+      refused_utime_ = frame->utime;
+      refused_reason_ = result.reason;
+    }
+  }
+  frames_.push_back(frame);
+  while (static_cast<int>(frames_.size()) > options_.max_buffered_frames) frames_.pop_front();
+  return result;
+}
+
+// The oldest partner first: it has the widest baseline. If it shares too little with this frame, younger ones do more: a
+// bisection finds the oldest that shares enough. A camera that moves forward leaves its first images behind quickly.
+Initialization Initializer::TryPartners(const FramePtr& frame) const {
+  Initialization result;
   result.reason = "too_few_matches";
-  // The oldest partner first: it has the widest baseline. If it shares too little with this frame, younger ones do more: a
-  // bisection finds the oldest that shares enough. A camera that moves forward leaves its first images behind quickly.
-  constexpr int kMaxTrials = 5;
+  constexpr int kMaxTrials = 8;
   const int n = static_cast<int>(frames_.size());
   int oldest = 0, newest = n - 1;
-  // At thirty frames a second the next frame tells no more than this one did.
-  const bool is_too_soon = frame->utime < refused_utime_ + static_cast<int64_t>(1e6 * options_.min_retry_s);
-  if (is_too_soon) {
-    result.reason = refused_reason_;
-    newest = -1;
-  }
   for (int trial = 0; trial < kMaxTrials && oldest <= newest; ++trial) {
     const int i = trial == 0 ? oldest : oldest + (newest - oldest) / 2;
     std::vector<FramePtr> between;
@@ -146,10 +157,7 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
       if (j > i && (between.empty() || between.back() != frames_[j])) between.push_back(frames_[j]);
     }
     const Initialization attempt = Try(frames_[i], frame, between);
-    if (attempt.success) {
-      result = attempt;
-      break;
-    }
+    if (attempt.success) return attempt;
     if (result.reason == "too_few_matches") result.reason = attempt.reason;
     if (attempt.reason == "too_few_matches") {
       oldest = i + 1;
@@ -157,12 +165,6 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
       newest = i - 1;
     }
   }
-  if (!is_too_soon && !result.success && result.reason != "too_few_matches") {
-    refused_utime_ = frame->utime;
-    refused_reason_ = result.reason;
-  }
-  frames_.push_back(frame);
-  while (static_cast<int>(frames_.size()) > options_.max_buffered_frames) frames_.pop_front();
   return result;
 }
 

@@ -66,6 +66,7 @@ class Initializer {
   void DropBefore(const FramePtr& frame);
 
  private:
+  Initialization TryPartners(const FramePtr& frame) const;
   Initialization Try(const FramePtr& first, const FramePtr& second, const std::vector<FramePtr>& between) const;
   double Misfit(const Frame& first, const Frame& second, const std::vector<Match>& found, const TwoViewCandidate& candidate,
                 const std::vector<FramePtr>& between) const;
