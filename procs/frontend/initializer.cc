@@ -14,6 +14,8 @@
 namespace mapmend {
 namespace {
 
+constexpr int kNewFrames = 60;  // partners that are tried first
+
 constexpr double kMinRayAngleCos = 0.99999;  // 0.26 degrees: nearer to parallel a point has no usable depth
 constexpr int kBundlePoints = 150;           // of an image determine the motion in bundle adjustment
 constexpr double kSameRotationRad = 0.02, kSameDirectionRad = 0.15;
@@ -130,7 +132,13 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
   if (frame->utime < refused_utime_ + static_cast<int64_t>(1e6 * options_.min_retry_s)) {
     result.reason = refused_reason_;
   } else {
-    result = TryPartners(frame);
+    // Among the newest first; a camera that turns on the spot may have its baseline to much older ones.
+    const int n = static_cast<int>(frames_.size()), split = std::max(0, n - kNewFrames);
+    result = TryPartners(frame, split, n - 1);
+    if (!result.success && split > 0) {
+      const Initialization older = TryPartners(frame, 0, split - 1);
+      if (older.success || result.reason == "too_few_matches") result = older;
+    }
     if (!result.success && result.reason != "too_few_matches") {
       refused_utime_ = frame->utime;
       refused_reason_ = result.reason;
@@ -141,14 +149,13 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
   return result;
 }
 
-// The oldest partner first: it has the widest baseline. If it shares too little with this frame, younger ones do more: a
+// The oldest partner of a range first: it has the widest baseline. If it shares too little with this frame, younger ones do more: a
 // bisection finds the oldest that shares enough. A camera that moves forward leaves its first images behind quickly.
-Initialization Initializer::TryPartners(const FramePtr& frame) const {
+Initialization Initializer::TryPartners(const FramePtr& frame, int oldest, int newest) const {
   Initialization result;
   result.reason = "too_few_matches";
-  constexpr int kMaxTrials = 8;
+  constexpr int kMaxTrials = 6;
   const int n = static_cast<int>(frames_.size());
-  int oldest = 0, newest = n - 1;
   for (int trial = 0; trial < kMaxTrials && oldest <= newest; ++trial) {
     const int i = trial == 0 ? oldest : oldest + (newest - oldest) / 2;
     std::vector<FramePtr> between;

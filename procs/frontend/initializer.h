@@ -47,7 +47,7 @@ struct TwoViewCandidate {
 };
 
 // Starts a submap from two views of the same ground. Frames since the loss are kept; each new one is tried against the oldest
-// that still shares enough features. All decompositions of a homography (planar scenes, nadir views) and of an essential
+// that still shares enough features, among the newest sixty and then among all. All decompositions of a homography (planar scenes, nadir views) and of an essential
 // matrix compete: each is refined by bundle adjustment on all matches. If a second, truly different motion explains nearly as
 // much as the best, up to three frames in between decide; if they cannot, the pair is refused as ambiguous.
 class Initializer {
@@ -66,7 +66,7 @@ class Initializer {
   void DropBefore(const FramePtr& frame);
 
  private:
-  Initialization TryPartners(const FramePtr& frame) const;
+  Initialization TryPartners(const FramePtr& frame, int oldest, int newest) const;  // indices of frames_
   Initialization Try(const FramePtr& first, const FramePtr& second, const std::vector<FramePtr>& between) const;
   double Misfit(const Frame& first, const Frame& second, const std::vector<Match>& found, const TwoViewCandidate& candidate,
                 const std::vector<FramePtr>& between) const;
