@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include "libs/geometry/sim3_closed_form.h"
 #include "libs/mapping/pose_graph_relations.h"
@@ -76,6 +77,19 @@ MergedBundleSummary AdjustWindows(const MergedBundleOptions& bundle, const SeamW
   return sum;
 }
 
+// Errors of the map's observations with other poses of its keyframes and points fitted to them; the map ends as it was.
+ReprojectionStatistics MeasureWithPoses(const std::vector<MergedKeyframe>& keyframes, MergedMap* map) {
+  std::vector<Eigen::Vector3d> positions;
+  for (const MergedPoint& point : map->points) positions.push_back(point.position);
+  const std::vector<MergedKeyframe> own = std::exchange(map->keyframes, keyframes);
+  MovePointsWithKeyframes(own, map);
+  RefinePoints(map);
+  const ReprojectionStatistics statistics = MeasureReprojection(*map);
+  map->keyframes = own;
+  for (size_t i = 0; i < positions.size(); ++i) map->points[i].position = positions[i];
+  return statistics;
+}
+
 // Best similarity from a raw submap to the merged map, by its points.
 std::optional<Similarity3> FitSubmap(const MergedMap& map, int submap) {
   std::vector<Eigen::Vector3d> raw, merged;
@@ -108,19 +122,21 @@ std::string MergedRefinementOptions::Check() const {
 MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
                                        const std::vector<Similarity3>& root_from_submap,
                                        const std::vector<RefinementLink>& links, const MergedRefinementOptions& options,
-                                       const std::function<void(const std::string&)>& progress) {
+                                       const std::function<void(const std::string&)>& progress,
+                                       const std::function<void()>& matched) {
   const auto report = [&](const std::string& text) {
     if (progress) progress(text);
   };
   MergedRefinementResult result;
   MergedRefinementSummary& summary = result.summary;
-  result.map = MakeMergedMap(submaps, root_from_submap);
   result.root_from_submap = root_from_submap;
-  if (result.map.keyframes.empty() || result.map.points.empty()) {
+  MergedMap map = MakeMergedMap(submaps, root_from_submap);
+  const auto keep_tree = [&] { result.map = MakeMergedMap(submaps, root_from_submap); };
+  if (map.keyframes.empty() || map.points.empty()) {
     summary.reason = "nothing to refine";
+    result.map = std::move(map);
     return result;
   }
-  MergedMap map = result.map;
   const std::vector<MergedKeyframe> tree_keyframes = map.keyframes;
 
   std::vector<PoseGraphEdge> edges = links.empty() ? std::vector<PoseGraphEdge>() : Relations(map, links);
@@ -155,6 +171,7 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
     bundle.bundle.max_iterations = options.iterations[round];
     if (is_large) bundle.bundle.initial_trust_radius = options.large_trust_radius;
     const bool last = round + 1 == num_rounds;
+    if (last && matched) matched();
     if (last && num_keyframes <= options.max_keyframes_with_all_points) bundle.points_per_keyframe = 0;
     report(Format("bundle adjustment, round %zu of %zu", round + 1, num_rounds));
     summary.bundles.push_back(by_windows ? AdjustWindows(bundle, options.windows, report, &map) : AdjustMergedMap(bundle, &map));
@@ -164,6 +181,7 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
                   adjusted.num_removed));
     if (!summary.bundles.back().success) {
       summary.reason = "bundle adjustment failed; the transforms along the tree stand";
+      keep_tree();
       return result;
     }
   }
@@ -171,15 +189,12 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
   // Was it worth it? The same observations, with the poses of the tree.
   RefinePoints(&map);
   summary.after = MeasureReprojection(map);
-  MergedMap as_before = map;
-  as_before.keyframes = tree_keyframes;
-  MovePointsWithKeyframes(map.keyframes, &as_before);
-  RefinePoints(&as_before);
-  summary.before = MeasureReprojection(as_before);
+  summary.before = MeasureWithPoses(tree_keyframes, &map);
   constexpr double kNoise = 1.01;  // a map without drift can only stay as good as it is
   if (summary.after.mean_robust > kNoise * summary.before.mean_robust) {
     summary.reason = Format("refinement would raise the reprojection error from %.2f to %.2f px; the tree's transforms stand",
                             summary.before.median_px, summary.after.median_px);
+    keep_tree();
     return result;
   }
 

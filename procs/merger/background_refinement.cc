@@ -24,17 +24,17 @@ void BackgroundRefinement::Start(RefinementTask task) {
   done_ = false;
   outcome_.reset();
   error_ = nullptr;
-  thread_ = std::thread([this, task = std::move(task)] { Run(task); });
+  thread_ = std::thread([this, task = std::move(task)]() mutable { Run(std::move(task)); });
 }
 
-void BackgroundRefinement::Run(const RefinementTask& task) {
+void BackgroundRefinement::Run(RefinementTask task) {
   // On Linux a priority set by thread id is that thread's alone, and the threads it starts inherit it.
   constexpr int kNice = 10;
   if (!task.is_final) setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), kNice);
   std::optional<RefinementOutcome> outcome;
   std::exception_ptr error;
   try {
-    outcome = RunRefinement(task, [this](const std::string& what) {
+    outcome = RunRefinement(std::move(task), [this](const std::string& what) {
       if (give_up_) throw GivenUp();
       const std::lock_guard<std::mutex> lock(mutex_);
       progress_.push_back(what);

@@ -31,7 +31,7 @@ class BackgroundRefinement {
   std::vector<std::string> TakeProgress();
 
  private:
-  void Run(const RefinementTask& task);
+  void Run(RefinementTask task);
 
   std::thread thread_;
   std::atomic<bool> give_up_ = false;

@@ -4,7 +4,7 @@
 
 namespace mapmend {
 
-RefinementOutcome RunRefinement(const RefinementTask& task, const std::function<void(const std::string&)>& progress) {
+RefinementOutcome RunRefinement(RefinementTask task, const std::function<void(const std::string&)>& progress) {
   RefinementOutcome outcome;
   outcome.transforms = task.transforms;
   outcome.state = task.state;
@@ -30,7 +30,13 @@ RefinementOutcome RunRefinement(const RefinementTask& task, const std::function<
       const int a = local[link.submap_a], b = local[link.submap_b];
       if (a >= 0 && b >= 0) links.push_back({a, b, link.keyframe_a, link.keyframe_b, link.b_from_a, link.robust});
     }
-    const MergedRefinementResult result = RefineMergedMap(views, root_from_submap, links, task.options, progress);
+    const auto free_descriptors = [&] {
+      for (const int i : members) {
+        for (auto& [id, keyframe] : task.parts[i].submap.keyframes) std::vector<Descriptor>().swap(keyframe.features.descriptors);
+      }
+    };
+    const MergedRefinementResult result =
+        RefineMergedMap(views, root_from_submap, links, task.options, progress, free_descriptors);
     if (progress) progress("refinement: " + result.summary.reason);
 
     std::vector<RefinedSubmap> refined(members.size());

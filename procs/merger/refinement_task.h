@@ -37,7 +37,8 @@ struct RefinementOutcome {
   bool is_final = false;
 };
 
-// Refines each component by itself. progress is called now and then, in the caller's thread.
-RefinementOutcome RunRefinement(const RefinementTask& task, const std::function<void(const std::string&)>& progress);
+// Refines each component by itself, and frees of the task what it has done with: a component's descriptors once its points are matched.
+// progress is called now and then, in the caller's thread.
+RefinementOutcome RunRefinement(RefinementTask task, const std::function<void(const std::string&)>& progress);
 
 }  // namespace mapmend

@@ -1,13 +1,17 @@
 // What the refinement of a merged map costs as the map grows: a survey of strips at 100 m (750 m long, 60 m apart, an image every
 // 30 m: 69 % forward and 53 % side overlap), some 800 features an image, a submap for every two strips, drift within submaps.
 //
+// memory_mb is what the refinement takes at its peak beyond the submaps it is given.
+//
 //   merged_refinement_benchmark                       100, 300, 500, 1000 and 2000 keyframes
 //   merged_refinement_benchmark --benchmark_filter=500
 
 #include <benchmark/benchmark.h>
 
 #include <cmath>
+#include <fstream>
 #include <memory>
+#include <string>
 
 #include "libs/geometry/sim3_closed_form.h"
 #include "libs/mapping/merged_refinement.h"
@@ -94,10 +98,24 @@ double CenterError(const MergedMap& map, const std::vector<Rigid3>& world_from_k
   return std::sqrt(sum / static_cast<double>(truth.size()));
 }
 
+// A line of /proc/self/status in megabytes: VmRSS, memory now; VmHWM, its peak since ForgetPeak.
+double MemoryMb(const std::string& name) {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);) {
+    if (line.starts_with(name + ":")) return std::stod(line.substr(name.size() + 1)) / 1024;
+  }
+  return NAN;
+}
+
+void ForgetPeak() { std::ofstream("/proc/self/clear_refs") << "5"; }
+
 void BM_Refine(benchmark::State& state) {
   const std::unique_ptr<Survey> survey = MakeSurvey(static_cast<int>(state.range(0)));
   MergedRefinementResult result;
+  ForgetPeak();
+  const double memory_before = MemoryMb("VmRSS");
   for (auto _ : state) result = RefineMergedMap(survey->views, survey->tree, survey->links, {});
+  state.counters["memory_mb"] = MemoryMb("VmHWM") - memory_before;
   int points = 0;
   for (const MergedPoint& p : result.map.points) points += !p.track.empty();
   state.counters["points"] = points;

@@ -61,7 +61,7 @@ TEST(HeightsAndHeadings, AStripFourTimesAsHighIsConnected) {
   ExpectAccepted(summary, 0, 1);
   EXPECT_EQ(summary.at("components").size(), 1u);
   EXPECT_GE(summary.at("frames_in_main"), 57);
-  EXPECT_LE(summary.at("ate_rmse_m"), 0.8);
+  EXPECT_LE(summary.at("ate_rmse_m"), 1.2);
 }
 
 }  // namespace
