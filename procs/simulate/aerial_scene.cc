@@ -285,6 +285,7 @@ std::unique_ptr<Scene> BuildAerialScene(const AerialOptions& options, const Mate
   }
   scene->detail = std::make_shared<Texture>(std::move(grey));
   scene->ground_detail = 0.5f;
+  scene->continues = true;
   scene->foliage = static_cast<float>(options.foliage);
   scene->leaf_angle = options.leaf_angle;
   scene->leaf_time = options.leaf_time;

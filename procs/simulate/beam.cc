@@ -1,4 +1,5 @@
 // What is empty between the rays of a small piece of the image, found without casting rays.
+#include <cmath>
 #include <limits>
 
 #include "procs/simulate/scene.h"
@@ -38,15 +39,15 @@ float Scene::Greatest(const Level& level, const Cells& cells) {
   return max;
 }
 
-Beam Scene::ClearBeam(const Eigen::Vector3d* origins, const Eigen::Vector3d* directions) const {
+Beam Scene::ClearBeam(const Eigen::Vector3d* origins, const Eigen::Vector3d* directions, const Beam& within) const {
   Beam beam;
-  double height = levels_.back().max[0];
+  double height = std::min<double>(levels_.back().max[0], within.height);
   for (int k = 0; k < 4; ++k) {
     if (directions[k].z() > -0.35) return beam;
     height = std::min(height, origins[k].z());
   }
   const Fan fan(origins, directions);
-  double step = 4;
+  double step = within.height < 1e29 ? 1 : 4;
   for (int i = 0; i < 40; ++i) {
     const Cells cells = CellsBetween(height - step, height, fan, 0);
     if ((cells.x1 - cells.x0 + 1) * (cells.y1 - cells.y0 + 1) > 300) {
@@ -77,6 +78,36 @@ Beam Scene::ClearBeam(const Eigen::Vector3d* origins, const Eigen::Vector3d* dir
     beam.solids |= list_begin_[row + blocks.x0] != list_begin_[row + blocks.x1 + 1];
   }
   return beam;
+}
+
+bool Scene::IsFlat(const Eigen::Vector3d* points, double tolerance) const {
+  const Eigen::Vector3d middle = 0.25 * (points[0] + points[1] + points[2] + points[3]);
+  const Eigen::Vector3d a = points[3] - points[0], b = points[2] - points[1];
+  const double nx = a.y() * b.z() - a.z() * b.y(), ny = a.z() * b.x() - a.x() * b.z(),
+               nz = a.x() * b.y() - a.y() * b.x();
+  if (std::abs(nz) < 1e-9) return false;
+  const double slope_x = -nx / nz, slope_y = -ny / nz;
+  double x0 = middle.x(), x1 = x0, y0 = middle.y(), y1 = y0;
+  for (int k = 0; k < 4; ++k) {
+    const Eigen::Vector3d& p = points[k];
+    if (std::abs(p.z() - middle.z() - slope_x * (p.x() - middle.x()) - slope_y * (p.y() - middle.y())) > tolerance)
+      return false;
+    x0 = std::min(x0, p.x()), x1 = std::max(x1, p.x()), y0 = std::min(y0, p.y()), y1 = std::max(y1, p.y());
+  }
+  // Between vertices on the plane there is nothing but the plane.
+  const int i0 = static_cast<int>(std::floor((x0 - grid.x0) / grid.spacing)),
+            i1 = static_cast<int>(std::ceil((x1 - grid.x0) / grid.spacing));
+  const int j0 = static_cast<int>(std::floor((y0 - grid.y0) / grid.spacing)),
+            j1 = static_cast<int>(std::ceil((y1 - grid.y0) / grid.spacing));
+  if (i0 < 0 || j0 < 0 || i1 >= grid.width || j1 >= grid.height || (i1 - i0) * (j1 - j0) > 200) return false;
+  for (int j = j0; j <= j1; ++j) {
+    double z = middle.z() + slope_x * (grid.x0 + i0 * grid.spacing - middle.x()) +
+               slope_y * (grid.y0 + j * grid.spacing - middle.y());
+    for (int i = i0; i <= i1; ++i, z += slope_x * grid.spacing) {
+      if (std::abs(grid.At(i, j) - z) > tolerance) return false;
+    }
+  }
+  return true;
 }
 
 bool Scene::IsClear(const Beam& beam, const Eigen::Vector3d* points, const Eigen::Vector3d* directions,

@@ -30,10 +30,10 @@ using UInt4 = uint32_t __attribute__((vector_size(16)));
 
 // Random brightness in [-1, 1] of as many cells (i, j) as the vectors have.
 template <typename Int, typename UInt, typename Float>
-[[gnu::always_inline]] inline void CanopyCells(const Int& i, const Int& j, int layer, int level, const CanopyView& view,
-                                               Float* cells) {
+[[gnu::always_inline]] inline void CanopyCells(const Int& i, const Int& j, const Int& layer, int level,
+                                               const CanopyView& view, Float* cells) {
   UInt h = (UInt)i * 0x8da6b343u + (UInt)j * 0xd8163841u + static_cast<uint32_t>(level) * 0x9e3779b1u +
-           static_cast<uint32_t>(layer) * 0xb55a4f09u;
+           (UInt)layer * 0xb55a4f09u;
   h = (h ^ h >> 16) * 0x7feb352du;
   h = (h ^ h >> 15) * 0x846ca68bu;
   h ^= h >> 16;
@@ -59,8 +59,8 @@ inline float CanopyLevel(double x, double y, double z, int level, const CanopyVi
   const double fu = std::floor(u), fv = std::floor(v);
   const auto i = static_cast<int32_t>(fu), j = static_cast<int32_t>(fv);
   Color c;
-  CanopyCells<Int4, UInt4>(Int4{i, i + 1, i, i + 1}, Int4{j, j, j + 1, j + 1}, static_cast<int>(std::floor(z * scale)),
-                           level, view, &c);
+  CanopyCells<Int4, UInt4>(Int4{i, i + 1, i, i + 1}, Int4{j, j, j + 1, j + 1},
+                           Int4{} + static_cast<int>(std::floor(z * scale)), level, view, &c);
   const auto a = static_cast<float>(u - fu), b = static_cast<float>(v - fv);
   const float top = c[0] + (c[1] - c[0]) * a, bottom = c[2] + (c[3] - c[2]) * a;
   return top + (bottom - top) * b;
@@ -81,6 +81,16 @@ struct CanopyLevels {
     weight[3] = CanopyView::kLevelWeight[2] * f;
   }
 };
+
+// Points of a piece of the image. x, y: texels of level 0 relative to the origin, not below 0; z: texels, not relative.
+struct CanopyPoints {
+  static constexpr int kCount = 8;
+  float x[kCount], y[kCount], z[kCount];
+};
+
+// As Canopy, at all the points at once. Uses what the processor has, with the same bits.
+void CanopyAt(const CanopyPoints& points, double origin_x, double origin_y, const CanopyLevels& levels,
+              const CanopyView& view, float* brightness);
 
 inline float Canopy(double x, double y, double z, float lod, const CanopyView& view) {
   const CanopyLevels levels(lod);

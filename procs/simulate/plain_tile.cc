@@ -1,6 +1,8 @@
 // Tiles of the image that show nothing but even ground or one face: rays at the corners only, inverse depth between
 // them.
 #include <cmath>
+#include <cstring>
+#include <type_traits>
 
 #include "procs/simulate/renderer.h"
 
@@ -37,35 +39,88 @@ class TileLeaves {
     const auto [low_u, high_u] = std::minmax({u[0], u[1], u[2], u[3]});
     const auto [low_v, high_v] = std::minmax({v[0], v[1], v[2], v[3]});
     const double first_i = std::floor(cell(low_u - shift) - 0.01), first_j = std::floor(cell(low_v) - 0.01);
-    const int columns = static_cast<int>(cell(high_u - shift) - first_i) + 3;
-    const int rows = static_cast<int>(cell(high_v) - first_j) + 3;
-    stride_ = (columns + 7) & ~7;
-    if (columns > 1000 || rows > 1000 || stride_ * rows > kCells) return false;
+    if (cell(high_u - shift) - first_i > 1000 || cell(high_v) - first_j > 1000) return false;
     scale_ = static_cast<float>(scale);
     u_ = static_cast<float>(cell(origin_u - shift) - first_i);
     v_ = static_cast<float>(cell(origin_v) - first_j);
-    FillCanopy(static_cast<int>(first_i), static_cast<int>(first_j), rows, stride_, level, weight, view, cells_);
-    return true;
+    return Fill(static_cast<int>(first_i), static_cast<int>(first_j),
+                static_cast<int>(cell(high_u - shift) - first_i) + 3, static_cast<int>(cell(high_v) - first_j) + 3,
+                level, weight, view);
   }
-  // Bilinear, at the first `count` of four points.
-  Color At(const Color& u, const Color& v, int count) const {
+  // Adds the next coarser level, at the places of this one's cells.
+  void AddCoarser(int level, float weight, const CanopyView& view) {
+    TileLeaves coarse;
+    coarse.FillUnder(*this, level, weight, view);
+    Add(coarse);
+  }
+  // The same with the one after that.
+  void AddCoarser(int level, float weight, float next_weight, const CanopyView& view) {
+    TileLeaves coarse;
+    coarse.FillUnder(*this, level, weight, view);
+    coarse.AddCoarser(level + 1, next_weight, view);
+    Add(coarse);
+  }
+  // Bilinear, at four points.
+  Color At(const Color& u, const Color& v) const {
     const Color x = u * scale_ + u_, y = v * scale_ + v_;
     const Int4 i = __builtin_convertvector(x, Int4), j = __builtin_convertvector(y, Int4);
     const Color a = x - __builtin_convertvector(i, Color), b = y - __builtin_convertvector(j, Color);
-    Color c00 = {}, c10 = {}, c01 = {}, c11 = {};
-    for (int k = 0; k < count; ++k) {
-      const float* c = cells_ + j[k] * stride_ + i[k];
-      c00[k] = c[0], c10[k] = c[1], c01[k] = c[stride_], c11[k] = c[stride_ + 1];
-    }
+    // Two neighbours at a time, then from one point's four cells to each cell of the four points.
+    const Int4 index = j * stride_ + i;
+    const Color cells[4] = {Square(index[0]), Square(index[1]), Square(index[2]), Square(index[3])};
+    const Color low01 = __builtin_shuffle(cells[0], cells[1], Int4{0, 4, 1, 5}),
+                low23 = __builtin_shuffle(cells[2], cells[3], Int4{0, 4, 1, 5}),
+                high01 = __builtin_shuffle(cells[0], cells[1], Int4{2, 6, 3, 7}),
+                high23 = __builtin_shuffle(cells[2], cells[3], Int4{2, 6, 3, 7});
+    const Color c00 = __builtin_shuffle(low01, low23, Int4{0, 1, 4, 5}),
+                c10 = __builtin_shuffle(low01, low23, Int4{2, 3, 6, 7}),
+                c01 = __builtin_shuffle(high01, high23, Int4{0, 1, 4, 5}),
+                c11 = __builtin_shuffle(high01, high23, Int4{2, 3, 6, 7});
     const Color top = c00 + (c10 - c00) * a, bottom = c01 + (c11 - c01) * a;
     return top + (bottom - top) * b;
   }
 
  private:
-  static constexpr int kCells = 2048;
+  static constexpr int kCells = 3072;
+
+  bool Fill(int i, int j, int columns, int rows, int level, float weight, const CanopyView& view) {
+    i_ = i, j_ = j, columns_ = columns, rows_ = rows, stride_ = (columns + 7) & ~7;
+    if (stride_ * rows > kCells) return false;
+    FillCanopy(i, j, rows, stride_, level, weight, view, cells_);
+    return true;
+  }
+  // What AddCoarser needs of the coarser level: it has fewer cells, so there is room.
+  void FillUnder(const TileLeaves& fine, int level, float weight, const CanopyView& view) {
+    const int i = (fine.i_ >> 1) - 1, j = (fine.j_ >> 1) - 1;
+    Fill(i, j, ((fine.i_ + fine.columns_) >> 1) + 2 - i, ((fine.j_ + fine.rows_) >> 1) + 2 - j, level, weight, view);
+  }
+  // A cell lies a quarter of a coarse cell's size from the middle of the one that contains it.
+  void Add(const TileLeaves& coarse) {
+    for (int j = 0; j < rows_; ++j) {
+      const int y = j_ + j;
+      const float* near = coarse.cells_ + ((y >> 1) - coarse.j_) * coarse.stride_ - coarse.i_;
+      const float* far = near + ((y & 1) != 0 ? coarse.stride_ : -coarse.stride_);
+      for (int i = 0; i < columns_; ++i) {
+        const int x = (i_ + i) >> 1, other = ((i_ + i) & 1) != 0 ? x + 1 : x - 1;
+        cells_[j * stride_ + i] +=
+            0.75f * (0.75f * near[x] + 0.25f * far[x]) + 0.25f * (0.75f * near[other] + 0.25f * far[other]);
+      }
+    }
+  }
+
+  // A cell, its right neighbour, and the two above.
+  Color Square(int index) const {
+    const float *low = cells_ + index, *high = low + stride_;
+#if defined(__SSE4_1__)
+    const __m128 half = _mm_castpd_ps(_mm_load_sd(reinterpret_cast<const double*>(low)));
+    return _mm_loadh_pi(half, reinterpret_cast<const __m64*>(high));
+#else
+    return Color{low[0], low[1], high[0], high[1]};
+#endif
+  }
 
   float cells_[kCells];
-  int stride_;
+  int i_, j_, columns_, rows_, stride_;
   float scale_, u_, v_;
 };
 
@@ -78,6 +133,7 @@ bool Renderer::FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_en
   for (int k = 0; k < 4; ++k) {
     if (hits[k].surface != surface || (surface == Hit::kGround && hits[k].slope > 0.7f)) return false;
   }
+  const bool large = x_end - x0 > kTile;
   const int width = camera_.width;
   const int xs[] = {x0, x0, x1, x1}, ys[] = {y0, y1, y0, y1};
   Eigen::Vector3d points[4], directions[4];
@@ -101,10 +157,13 @@ bool Renderer::FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_en
       0.25 * (hits[0].distance + hits[1].distance + hits[2].distance + hits[3].distance) * pixel_angle_;
   double texel_width = 0, cosine = 1;
   if (surface == Hit::kGround) {
-    for (const auto& [a, b] : {std::pair{0.5, 0.5}, {0.5, 0.0}, {0.5, 1.0}, {0.0, 0.5}, {1.0, 0.5}}) {
-      const Eigen::Vector4d p = at(a, b);
-      const Eigen::Vector3d world = p.head<3>() / p[3];
-      if (std::abs(world.z() - scene_->grid.Height(world.x(), world.y())) > 2e-4 / p[3]) return false;
+    if (!scene_->IsFlat(points, 2e-4 / tile.inverse[0])) {
+      if (large) return false;
+      for (const auto& [a, b] : {std::pair{0.5, 0.5}, {0.5, 0.0}, {0.5, 1.0}, {0.0, 0.5}, {1.0, 0.5}}) {
+        const Eigen::Vector4d p = at(a, b);
+        const Eigen::Vector3d world = p.head<3>() / p[3];
+        if (std::abs(world.z() - scene_->grid.Height(world.x(), world.y())) > 2e-4 / p[3]) return false;
+      }
     }
     const double texels = scene_->ground_texels_per_metre;
     texel_width = footprint * texels;
@@ -130,6 +189,7 @@ bool Renderer::FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_en
   if (tile.texture != nullptr && cosine > 0.7 &&
       PaintPlainTile(tile, static_cast<float>(std::log2(std::max(texel_width, 1e-3)))))
     return true;
+  if (large) return false;
   for (int y = y0; y < y_end; ++y) {
     const double b = static_cast<double>(y - y0) / (y1 - y0);
     Eigen::Vector4d p = at(0, b);
@@ -154,6 +214,7 @@ bool Renderer::PaintPlainTile(const PlainTile& tile, float lod) {
   const int first = static_cast<int>(lod);
   const float fraction = lod - static_cast<float>(first);
   const bool two = fraction >= 0.02f && first + 1 < texture.NumLevels();
+  const auto whole_fraction = static_cast<int16_t>(fraction * 32767.f);
   // Coordinates relative to the tile, so that single precision is enough.
   const double origin_u = std::floor(tile.u[0]), origin_v = std::floor(tile.v[0]);
   double u[4], v[4];
@@ -173,13 +234,31 @@ bool Renderer::PaintPlainTile(const PlainTile& tile, float lod) {
       if (x < 1 || y < 1 || x > image.width - 3 || y > image.height - 3) return false;
     }
   }
-  TileLeaves leaves[4];
-  int num_leaves = 0;
-  for (int l = 0; l < 4 && tile.foliage > 0 && Grows(texture, first, tile.u, tile.v); ++l) {
-    if (canopy.weight[l] <= 0.02f) continue;
-    if (!leaves[num_leaves++].Fill(tile.u, tile.v, origin_u, origin_v, scene_->ground_repeat, canopy.first + l,
-                                   canopy.weight[l] * tile.foliage * (1.f / 255), tile.leaves))
-      return false;
+  // The texels are asked for now, row by row at both ends, and there when they are needed.
+  for (int l = 0; l < (two ? 2 : 1); ++l) {
+    const int rows = tile.y_end - tile.y0;
+    for (int side = 0; side < 4; side += 2) {
+      const auto at = [&](const double* c, double origin) { return static_cast<float>(c[side] - origin); };
+      float u_row = at(tile.u, origin_u) * views[l].scale + views[l].u,
+            v_row = at(tile.v, origin_v) * views[l].scale + views[l].v;
+      const float per_row = views[l].scale / static_cast<float>(rows);
+      const float du = static_cast<float>(tile.u[side + 1] - tile.u[side]) * per_row;
+      const float dv = static_cast<float>(tile.v[side + 1] - tile.v[side]) * per_row;
+      for (int row = 0; row <= rows; ++row, u_row += du, v_row += dv) {
+        __builtin_prefetch(views[l].texels + static_cast<int>(v_row) * views[l].width + static_cast<int>(u_row));
+      }
+    }
+  }
+  TileLeaves leaves[2];
+  const bool grows = tile.foliage > 0 && Grows(texture, first, tile.u, tile.v);
+  if (grows) {
+    const float contrast = tile.foliage * (1.f / 255);
+    for (int l = 0; l < 2; ++l) {
+      if (!leaves[l].Fill(tile.u, tile.v, origin_u, origin_v, scene_->ground_repeat, canopy.first + l,
+                          canopy.weight[l] * contrast, tile.leaves))
+        return false;
+    }
+    leaves[1].AddCoarser(canopy.first + 2, canopy.weight[2] * contrast, canopy.weight[3] * contrast, tile.leaves);
   }
   for (int k = 0; k < 4; ++k) {
     u[k] = (tile.u[k] - origin_u) * tile.inverse[k];
@@ -200,37 +279,58 @@ bool Renderer::PaintPlainTile(const PlainTile& tile, float lod) {
     line(v, &v0, &dv);
     line(tile.inverse, &w0, &dw);
     for (int x = tile.x0; x < tile.x_end; x += 4) {
-      const Color at = ramp + static_cast<float>(x - tile.x0);
-      const Color depth = 1.f / (w0 + dw * at);
-      const Color tu = (u0 + du * at) * depth, tv = (v0 + dv * at) * depth;
-      Int4 index[2];
-      Color fu[2], fv[2];
+      // Beyond the tile's end the last pixel again, which is not stored.
+      const Color at = ramp + static_cast<float>(x - tile.x0),
+                  last = Color{} + static_cast<float>(tile.x_end - 1 - tile.x0);
+      const Color pixel = at < last ? at : last;
+      const Color depth = 1.f / (w0 + dw * pixel);
+      const Color tu = (u0 + du * pixel) * depth, tv = (v0 + dv * pixel) * depth;
+      // Where in each level, and how far between its texels: in the lower half of each lane across, in the upper down.
+      Int4 index[2], between[2];
       for (int l = 0; l < (two ? 2 : 1); ++l) {
         const Color lu = tu * views[l].scale + views[l].u, lv = tv * views[l].scale + views[l].v;
         const Int4 iu = __builtin_convertvector(lu, Int4), iv = __builtin_convertvector(lv, Int4);
-        fu[l] = lu - __builtin_convertvector(iu, Color);
-        fv[l] = lv - __builtin_convertvector(iv, Color);
+        const Color fu = (lu - __builtin_convertvector(iu, Color)) * 32767.f;
+        const Color fv = (lv - __builtin_convertvector(iv, Color)) * 128.f + 0.5f;
+        between[l] = __builtin_convertvector(fu, Int4) | __builtin_convertvector(fv, Int4) << 16;
         index[l] = iv * views[l].width + iu;
       }
       const int count = std::min(4, tile.x_end - x);
       Color rustle = {};
-      for (int l = 0; l < num_leaves; ++l) rustle += leaves[l].At(tu, tv, count);
+      if (grows) rustle = leaves[0].At(tu, tv) + leaves[1].At(tu, tv);
       const size_t i = static_cast<size_t>(y) * width + x;
-      for (int k = 0; k < count; ++k) {
-        const auto sample = [&](int l) {
-          const uint32_t* t = views[l].texels + index[l][k];
-          const uint32_t* below = t + views[l].width;
-          const Color left = Unpack(t[0]) + (Unpack(below[0]) - Unpack(t[0])) * fv[l][k];
-          const Color right = Unpack(t[1]) + (Unpack(below[1]) - Unpack(t[1])) * fv[l][k];
-          return left + (right - left) * fu[l][k];
-        };
-        Color color = sample(0);
-        if (two) color += (sample(1) - color) * fraction;
-        if (num_leaves > 0) color *= 1.f + color[3] * rustle[k];
-        light_[i + k] = PackLight(color * tile.tint);
-        distance_[i + k] = depth[k] * ray_stretch_[i + k];
-        surface_[i + k] = tile.surface;
+      if (count == 4) {
+        Color stretch;
+        std::memcpy(&stretch, &ray_stretch_[i], sizeof stretch);
+        const Color distance = depth * stretch;
+        const Int4 surface = Int4{} + tile.surface;
+        std::memcpy(&distance_[i], &distance, sizeof distance);
+        std::memcpy(&surface_[i], &surface, sizeof surface);
+      } else {
+        for (int k = 0; k < count; ++k) {
+          distance_[i + k] = depth[k] * ray_stretch_[i + k];
+          surface_[i + k] = tile.surface;
+        }
       }
+      const auto paint = [&](auto lane) {
+        constexpr int k = decltype(lane)::value;
+        if (k >= count) return;
+        const auto sample = [&](int l) {
+          const auto part = (Short8)between[l];
+          constexpr int16_t kAcross = 2 * k, kDown = 2 * k + 1;
+          return BilinearWhole(views[l].texels + index[l][k], views[l].width,
+                               __builtin_shuffle(part, Short8{} + kAcross), __builtin_shuffle(part, Short8{} + kDown));
+        };
+        Short8 whole = sample(0);
+        if (two) whole += MultiplyRounded(sample(1) - whole, Short8{} + whole_fraction);
+        Color color = FromWhole(whole);
+        if (grows) color *= 1.f + color[3] * rustle[k];
+        light_[i + k] = PackLight(color * tile.tint);
+      };
+      paint(std::integral_constant<int, 0>());
+      paint(std::integral_constant<int, 1>());
+      paint(std::integral_constant<int, 2>());
+      paint(std::integral_constant<int, 3>());
     }
   }
   return true;

@@ -1,6 +1,7 @@
 #include "procs/simulate/renderer.h"
 
 #include <cmath>
+#include <cstring>
 
 #include "procs/simulate/parallel.h"
 
@@ -49,8 +50,9 @@ Renderer::Renderer(const Scene* scene, const Camera& camera, const RenderOptions
   rows_.resize(camera.height);
   distance_.resize(size);
   surface_.resize(size);
-  plain_.resize(static_cast<size_t>((camera.width + kTile - 1) / kTile) * ((camera.height + kTile - 1) / kTile));
-  beams_.resize(plain_.size());
+  edge_slope_ = static_cast<float>(6 / std::sqrt(camera.fx * camera.fy));
+  smoothed_.resize((camera.height + kTile - 1) / kTile);
+  tiles_.resize(static_cast<size_t>((camera.width + kTile - 1) / kTile) * smoothed_.size());
   light_.resize(size);
 }
 
@@ -85,19 +87,23 @@ void Renderer::Render(const PoseFunction& pose, double time, const SensorState& 
   frame->width = width;
   frame->height = height;
   frame->bgr.resize(static_cast<size_t>(width) * height * 3);
-  ParallelFor((height + kTile - 1) / kTile, 1, options_.num_threads, [&](int begin, int end) {
-    for (int tile_row = begin; tile_row < end; ++tile_row) CastTiles(tile_row);
+  const int tile_rows = (height + kTile - 1) / kTile;
+  ParallelFor((tile_rows + 1) / 2, 1, options_.num_threads, [&](int pair, int) { CastTiles(pair); });
+  // Put in place when all are there: each looks at its neighbours as they were.
+  ParallelFor(tile_rows, 1, options_.num_threads, [&](int tile_row, int) {
+    smoothed_[tile_row].clear();
+    SmoothEdges(tile_row, &smoothed_[tile_row]);
   });
-  ParallelFor(height, 16, options_.num_threads, [&](int begin, int end) {
-    for (int y = begin; y < end; ++y) SmoothEdges(y);
-  });
+  for (const auto& row : smoothed_) {
+    for (const Smoothed& pixel : row) light_[pixel.index] = pixel.light;
+  }
   ParallelFor(height, 24, options_.num_threads, [&](int begin, int end) { DevelopRows(begin, end, sensor, frame); });
 }
 
 void Renderer::CastPixel(int x, int y, const Beam& beam) {
   const RowPose& row = rows_[y];
   const size_t i = static_cast<size_t>(y) * camera_.width + x;
-  const Eigen::Vector3d direction = row.rotation * rays_[i].cast<double>();
+  const Eigen::Vector3d direction = Direction(x, y);
   const Hit hit = scene_->Cast(row.center, direction, beam);
   distance_[i] = static_cast<float>(hit.distance);
   surface_[i] = hit.surface;
@@ -105,114 +111,157 @@ void Renderer::CastPixel(int x, int y, const Beam& beam) {
   light_[i] = PackLight(color);
 }
 
-void Renderer::CastTiles(int tile_row) {
-  const int width = camera_.width, y0 = tile_row * kTile, y1 = std::min(y0 + kTile, camera_.height - 1);
-  const int tiles = (width + kTile - 1) / kTile;
-  // Corners in the order of PlainTile; the right ones become the next tile's left ones.
-  Eigen::Vector3d origins[4], directions[4];
-  Hit hits[4];
-  const auto aim = [&](int x, int corner) {
-    for (const int y : {y0, y1}) {
-      origins[corner] = rows_[y].center;
-      directions[corner++] = rows_[y].rotation * rays_[static_cast<size_t>(y) * width + x].cast<double>();
-    }
-  };
-  aim(0, 2);
-  for (int k = 0; k < tiles; ++k) {
-    const int x0 = k * kTile, x1 = std::min(x0 + kTile, width - 1);
-    for (int c = 0; c < 2; ++c) origins[c] = origins[c + 2], directions[c] = directions[c + 2], hits[c] = hits[c + 2];
-    aim(x1, 2);
-    const Beam beam = scene_->ClearBeam(origins, directions);
-    for (int c = k == 0 ? 0 : 2; c < 4; ++c) hits[c] = scene_->Cast(origins[c], directions[c], beam);
-    const int x_end = std::min(x0 + kTile, width), y_end = std::min(y0 + kTile, camera_.height);
-    const bool plain = FillPlainTile(x0, y0, x1, y1, x_end, y_end, beam, hits);
-    const size_t tile = static_cast<size_t>(tile_row) * tiles + k;
-    plain_[tile] = !plain ? 0 : IsStill(x0, y0, x_end - 1, y_end - 1) ? kStill : kPlain;
-    beams_[tile] = beam;
-    if (!plain) CastTile(x0, y0, x1, y1, beam, hits);
-  }
-}
-
-// Quarters that are plain, and every pixel of the others.
-void Renderer::CastTile(int x0, int y0, int x1, int y1, const Beam& beam, const Hit* hits) {
-  constexpr int kHalf = kTile / 2;
-  const int x_end = std::min(x0 + kTile, camera_.width), y_end = std::min(y0 + kTile, camera_.height);
-  const auto cast_pixels = [&](int left, int top, int right, int bottom) {
-    for (int y = top; y < bottom; ++y) {
-      for (int x = left; x < right; ++x) CastPixel(x, y, beam);
-    }
-  };
-  if (x1 - x0 != kTile || y1 - y0 != kTile || beam.height > 1e29) return cast_pixels(x0, y0, x_end, y_end);
-  const int xs[] = {x0, x0 + kHalf, x1}, ys[] = {y0, y0 + kHalf, y1};
-  Hit grid[3][3];  // by column and row
-  Eigen::Vector3d origins[4], directions[4];
-  for (int i = 0; i < 3; ++i) {
+// A pair of rows of tiles: four tiles at once where they show one even surface, otherwise one by one.
+void Renderer::CastTiles(int pair) {
+  const int width = camera_.width, height = camera_.height, tiles = (width + kTile - 1) / kTile;
+  const int top = 2 * pair * kTile;
+  // Rays at the corners of tiles, three by three, by column and row; the right ones become the next ones' left ones.
+  struct Corner {
+    int x, y;
+    Eigen::Vector3d direction;
+    Hit hit;
+    bool known;
+  } corners[3][3];
+  const auto aim = [&](int column, int x) {
     for (int j = 0; j < 3; ++j) {
-      if (i != 1 && j != 1) {
-        grid[i][j] = hits[i + j / 2];
-      } else {
-        grid[i][j] = scene_->Cast(
-            rows_[ys[j]].center,
-            rows_[ys[j]].rotation * rays_[static_cast<size_t>(ys[j]) * camera_.width + xs[i]].cast<double>(), beam);
-      }
+      const int y = std::min(top + j * kTile, height - 1);
+      corners[column][j] = {x, y, Direction(x, y), {}, false};
     }
-  }
-  for (int i = 0; i < 2; ++i) {
-    for (int j = 0; j < 2; ++j) {
-      const Hit corners[] = {grid[i][j], grid[i][j + 1], grid[i + 1][j], grid[i + 1][j + 1]};
-      bool alike = true;
-      for (const Hit& hit : corners) alike &= hit.surface == corners[0].surface;
-      if (alike) {
-        for (int c = 0; c < 4; ++c) {
-          const int y = ys[j + c % 2];
-          origins[c] = rows_[y].center;
-          directions[c] =
-              rows_[y].rotation * rays_[static_cast<size_t>(y) * camera_.width + xs[i + c / 2]].cast<double>();
-        }
-        if (FillPlainTile(xs[i], ys[j], xs[i + 1], ys[j + 1], xs[i + 1], ys[j + 1],
-                          scene_->ClearBeam(origins, directions), corners))
-          continue;
+  };
+  Eigen::Vector3d origins[4], directions[4];
+  const auto beam_between = [&](int i0, int j0, int i1, int j1, const Beam& within) {
+    const Corner* around[] = {&corners[i0][j0], &corners[i0][j1], &corners[i1][j0], &corners[i1][j1]};
+    for (int c = 0; c < 4; ++c) origins[c] = rows_[around[c]->y].center, directions[c] = around[c]->direction;
+    return scene_->ClearBeam(origins, directions, within);
+  };
+  const auto fill = [&](int i0, int j0, int i1, int j1, int x_end, int y_end, const Beam& beam, Hit* hits) {
+    Corner* around[] = {&corners[i0][j0], &corners[i0][j1], &corners[i1][j0], &corners[i1][j1]};
+    for (int c = 0; c < 4; ++c) {
+      Corner& corner = *around[c];
+      if (!corner.known) corner.hit = scene_->Cast(rows_[corner.y].center, corner.direction, beam), corner.known = true;
+      hits[c] = corner.hit;
+    }
+    return FillPlainTile(around[0]->x, around[0]->y, around[3]->x, around[3]->y, x_end, y_end, beam, hits);
+  };
+  constexpr int kGroup = 4;  // what is above so many tiles is found first
+  // Between corners farther apart a distorted image or a moving shutter is not straight enough.
+  const bool straight = !distorted_ && options_.readout == 0;
+  Beam group;
+  Hit hits[4];
+  aim(2, 0);
+  for (int k = 0; k < tiles; k += 2) {
+    for (int j = 0; j < 3; ++j) corners[0][j] = corners[2][j];
+    const int x0 = k * kTile;
+    if (k % kGroup == 0) {
+      aim(2, std::min(x0 + kGroup * kTile, width - 1));
+      group = beam_between(0, 0, 2, 2, {});
+    }
+    aim(1, std::min(x0 + kTile, width - 1));
+    aim(2, std::min(x0 + 2 * kTile, width - 1));
+    const Beam both = beam_between(0, 0, 2, 2, group);
+    TileState* tile = tiles_.data() + static_cast<size_t>(2) * pair * tiles + k;
+    const int x_end = x0 + 2 * kTile, y_end = top + 2 * kTile;
+    if (straight && x_end < width && y_end < height && fill(0, 0, 2, 2, x_end, y_end, both, hits)) {
+      const bool still = IsStill(x0, top, x_end, y_end, true);
+      for (TileState* each : {tile, tile + 1, tile + tiles, tile + tiles + 1})
+        *each = {both, hits[0].surface, true, still};
+      continue;
+    }
+    for (int i = 0; i < 2 && x0 + i * kTile < width; ++i) {
+      for (int j = 0; j < 2 && top + j * kTile < height; ++j) {
+        const int left = x0 + i * kTile, above = top + j * kTile;
+        const int right = std::min(left + kTile, width), below = std::min(above + kTile, height);
+        const Beam beam = beam_between(i, j, i + 1, j + 1, both);
+        const bool plain = fill(i, j, i + 1, j + 1, right, below, beam, hits);
+        if (!plain) CastTile(left, above, corners[i + 1][j].x, corners[i][j + 1].y, beam, hits);
+        tile[j * tiles + i] = {beam, hits[0].surface, plain, IsStill(left, above, right, below, plain)};
       }
-      cast_pixels(xs[i], ys[j], xs[i + 1], ys[j + 1]);
     }
   }
 }
 
 // Where the surface changes, or the depth jumps within one, the mean of four rays in place of one. Inside plain tiles
-// neither can be.
-void Renderer::SmoothEdges(int y) {
-  const int width = camera_.width;
-  if (y == 0 || y + 1 == camera_.height) return;
-  const bool edge_row = y % kTile == 0 || y % kTile == kTile - 1;
-  const uint8_t* plain = plain_.data() + static_cast<size_t>(y / kTile) * ((width + kTile - 1) / kTile);
-  for (int x = 1; x + 1 < width; ++x) {
-    if (!edge_row && plain[x / kTile] && x % kTile != 0 && x % kTile != kTile - 1) {
-      x += kTile - 2 - x % kTile;
-      continue;
+// neither can be, nor between plain tiles of one surface.
+void Renderer::SmoothEdges(int tile_row, std::vector<Smoothed>* smoothed) const {
+  const int width = camera_.width, tiles = (width + kTile - 1) / kTile;
+  const int y_end = std::min((tile_row + 1) * kTile, camera_.height - 1);
+  for (int k = 0; k < tiles; ++k) {
+    const TileState* tile = tiles_.data() + static_cast<size_t>(tile_row) * tiles + k;
+    const auto joins = [tile](const TileState& other) { return other.plain && other.surface == tile->surface; };
+    const int x_end = std::min((k + 1) * kTile, width - 1), x0 = k * kTile, y0 = tile_row * kTile;
+    const bool inner = tile->plain;
+    bool left = !inner, right = !inner, above = !inner, below = !inner;
+    if (inner) {
+      left = k > 0 && !joins(tile[-1]);
+      right = k + 1 < tiles && !joins(tile[1]);
+      above = tile_row > 0 && !joins(tile[-tiles]);
+      below = y0 + kTile < camera_.height && !joins(tile[tiles]);
+      if (!left && !right && !above && !below) continue;
     }
-    SmoothPixel(x, y);
+    for (int y = std::max(y0, 1); y < y_end; ++y) {
+      const bool whole = !inner || (above && y == y0) || (below && y == y0 + kTile - 1);
+      if (whole && x_end - x0 == kTile && x0 > 0 && !HasEdge(x0, y) && !HasEdge(x0 + 4, y)) continue;
+      for (int x = std::max(x0, 1); x < x_end; ++x) {
+        if (whole || (left && x == x0) || (right && x == x0 + kTile - 1)) SmoothPixel(x, y, tile->beam, smoothed);
+      }
+    }
   }
 }
 
-void Renderer::SmoothPixel(int x, int y) {
+bool Renderer::HasEdge(int x, int y) const {
+  const size_t i = static_cast<size_t>(y) * camera_.width + x;
+  Color distance;
+  Int4 surface, differ = {};
+  std::memcpy(&distance, &distance_[i], sizeof distance);
+  std::memcpy(&surface, &surface_[i], sizeof surface);
+  const Color jump = distance * edge_slope_;
+  for (const size_t k : {i - 1, i + 1, i - camera_.width, i + camera_.width}) {
+    Color there;
+    Int4 other;
+    std::memcpy(&there, &distance_[k], sizeof there);
+    std::memcpy(&other, &surface_[k], sizeof other);
+    differ |= (other != surface) | (there - distance > jump) | (distance - there > jump);
+  }
+  return (differ[0] | differ[1] | differ[2] | differ[3]) != 0;
+}
+
+void Renderer::SmoothPixel(int x, int y, const Beam& beam, std::vector<Smoothed>* smoothed) const {
   const int width = camera_.width;
   const size_t i = static_cast<size_t>(y) * width + x;
-  const float jump = distance_[i] * static_cast<float>(6 / std::sqrt(camera_.fx * camera_.fy));
+  const float jump = distance_[i] * edge_slope_;
   const auto differs = [&](size_t j) {
     return surface_[i] != surface_[j] || std::abs(distance_[i] - distance_[j]) > jump;
   };
-  if (!differs(i - 1) && !differs(i + 1) && !differs(i - width) && !differs(i + width)) return;
+  const size_t pixels[] = {i, i - 1, i + 1, i - width, i + width};
+  const bool to_left = differs(i - 1), to_right = differs(i + 1), above = differs(i - width),
+             below = differs(i + width);
+  if (!to_left && !to_right && !above && !below) return;
   const Eigen::Vector3f right = rays_[i + 1] - rays_[i], down = rays_[i + width] - rays_[i];
-  const Beam& beam = beams_[static_cast<size_t>(y / kTile) * ((width + kTile - 1) / kTile) + x / kTile];
   Color sum = {};
   for (const auto& [a, b] : {std::pair{-0.375f, -0.125f}, {0.125f, -0.375f}, {0.375f, 0.125f}, {-0.125f, 0.375f}}) {
+    // On the side away from the edge the ray would hit what the pixel's own has hit.
+    if (!(a < 0 ? to_left : to_right) && !(b < 0 ? above : below)) {
+      sum += UnpackLight(light_[i]);
+      continue;
+    }
     const Eigen::Vector3f ray = rays_[i] + a * right + b * down;
     const Eigen::Vector3d direction = (rows_[y].rotation * ray.cast<double>()).normalized();
-    const Color color =
-        scene_->Shade(rows_[y].center, direction, scene_->Cast(rows_[y].center, direction, beam), pixel_angle_, time_);
-    sum += color * color;
+    const Hit hit = scene_->Cast(rows_[y].center, direction, beam);
+    // Mostly a neighbour shows the same surface: its colour will do.
+    size_t like = 0;
+    float nearest = jump;
+    for (const size_t k : pixels) {
+      const float apart = std::abs(distance_[k] - static_cast<float>(hit.distance));
+      if (surface_[k] == hit.surface && apart < nearest) nearest = apart, like = k;
+    }
+    if (like > 0) {
+      sum += UnpackLight(light_[like]);
+    } else {
+      const Color color = scene_->Shade(rows_[y].center, direction, hit, pixel_angle_, time_);
+      sum += color * color;
+    }
   }
-  light_[i] = PackLight(SquareRoot(sum * 0.25f));
+  smoothed->push_back({i, PackLight(SquareRoot(sum * 0.25f))});
 }
 
 }  // namespace mapmend::simulate

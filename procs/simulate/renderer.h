@@ -79,13 +79,12 @@ class Renderer {
   void Render(const PoseFunction& pose, double time, const SensorState& sensor, Frame* frame);
 
   // Of the last frame, per pixel: along the ray, metres; infinite for the sky.
-  const std::vector<float>& Distances() const { return distance_; }
+  const BigVector<float>& Distances() const { return distance_; }
   // Unit ray of a pixel in the camera.
   Eigen::Vector3d Ray(int x, int y) const;
 
  private:
   static constexpr int kTile = 8;
-  static constexpr uint8_t kPlain = 1, kStill = 2;
 
   struct Motion {
     float rotation[9], translation[3];
@@ -109,7 +108,25 @@ class Renderer {
     double inverse[4];  // inverse depth: it, and texels times it, are linear in the pixel
   };
 
-  void CastTiles(int tile_row);
+  struct TileState {
+    Beam beam;
+    int surface;  // of the first corner
+    bool plain;   // FillPlainTile has filled it
+    bool still;
+  };
+  struct Smoothed {
+    size_t index;
+    Light light;
+  };
+  struct UnevenTile {
+    int x0, y0;
+    float slope[kTile][kTile];  // of the ground, by row and column
+  };
+
+  Eigen::Vector3d Direction(int x, int y) const {
+    return rows_[y].rotation * rays_[static_cast<size_t>(y) * camera_.width + x].cast<double>();
+  }
+  void CastTiles(int pair);
   void CastPixel(int x, int y, const Beam& beam);
   void CastTile(int x0, int y0, int x1, int y1, const Beam& beam, const Hit* hits);
   // Fills pixels x0 .. x_end - 1, y0 .. y_end - 1 from the rays of the corners (x0, y0) and (x1, y1) if they show one
@@ -118,16 +135,21 @@ class Renderer {
   // The common case, seen steeply from above: one level of detail for the whole tile. False if it is at the texture's
   // border.
   bool PaintPlainTile(const PlainTile& tile, float lod);
-  void SmoothEdges(int y);
-  void SmoothPixel(int x, int y);
+  // Colours of a whole tile whose distances and surfaces are known.
+  void ShadeTile(const UnevenTile& tile);
+  void SmoothEdges(int tile_row, std::vector<Smoothed>* smoothed) const;
+  // Whether any of the pixels x .. x + 3 differs from a neighbour.
+  bool HasEdge(int x, int y) const;
+  void SmoothPixel(int x, int y, const Beam& beam, std::vector<Smoothed>* smoothed) const;
   // From a pixel's surface point in the middle of the exposure to the same at its beginning (0, 1) and end (2, 3).
-  Color MotionOf(int x, int y) const;
-  // True if a plain tile moves by less than half a pixel.
-  bool IsStill(int x0, int y0, int x1, int y1) const;
-  // Light of a row after motion blur.
-  void BlurRow(int y, Color* blurred) const;
+  Color MotionOf(int x, int y) const { return MotionOf(x, y, distance_[static_cast<size_t>(y) * camera_.width + x]); }
+  Color MotionOf(int x, int y, float distance) const;
+  // True if all of a tile moves by less than half a pixel.
+  bool IsStill(int x0, int y0, int x_end, int y_end, bool plain) const;
+  // Light after motion blur of a piece of a row, which begins and ends with a tile.
+  void BlurRow(int y, int begin, int end, Color* blurred) const;
   // Light to stored values, without noise; in place.
-  void ExposeRow(int y, const SensorState& sensor, Color* row) const;
+  void ExposeRow(int y, int begin, int end, const SensorState& sensor, Color* row) const;
   // Rows [begin, end) of the finished picture.
   void DevelopRows(int begin, int end, const SensorState& sensor, Frame* frame) const;
   // Pixel of a point in the camera, as Camera::Project, in single precision.
@@ -138,14 +160,15 @@ class Renderer {
   RenderOptions options_;
   double pixel_angle_ = 0, time_ = 0;
   bool distorted_ = false;
-  std::vector<Eigen::Vector3f> rays_;
-  std::vector<float> ray_stretch_;  // 1 / rays_.z: distance over depth
+  BigVector<Eigen::Vector3f> rays_;
+  BigVector<float> ray_stretch_;  // 1 / rays_.z: distance over depth
   std::vector<RowPose> rows_;
-  std::vector<float> distance_;
-  std::vector<int> surface_;
-  std::vector<uint8_t> plain_;  // per tile: kPlain if FillPlainTile has filled it, kStill if it does not move either
-  std::vector<Beam> beams_;     // per tile
-  std::vector<Light> light_;    // before blur
+  BigVector<float> distance_;
+  BigVector<int> surface_;
+  std::vector<TileState> tiles_;
+  std::vector<std::vector<Smoothed>> smoothed_;  // per row of tiles
+  BigVector<Light> light_;                       // before blur
+  float edge_slope_ = 0;                         // depth that changes faster, metres per pixel and distance, is an edge
 };
 
 }  // namespace mapmend::simulate

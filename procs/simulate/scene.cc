@@ -11,14 +11,16 @@ constexpr double kStep = 1e-7;  // metres: how far past a cell border the next c
 
 }  // namespace
 
-double HeightGrid::Height(double x, double y) const {
-  const double gx = std::clamp((x - x0) / spacing, 0.0, width - 1.000001);
-  const double gy = std::clamp((y - y0) / spacing, 0.0, height - 1.000001);
+Eigen::Vector3d HeightGrid::Tangent(double x, double y) const {
+  const double per_metre = 1 / spacing;
+  const double gx = std::clamp((x - x0) * per_metre, 0.0, width - 1.000001);
+  const double gy = std::clamp((y - y0) * per_metre, 0.0, height - 1.000001);
   const int i = static_cast<int>(gx), j = static_cast<int>(gy);
   const double fx = gx - i, fy = gy - j;
   const double z00 = At(i, j), z10 = At(i + 1, j), z01 = At(i, j + 1), z11 = At(i + 1, j + 1);
-  if (fx + fy <= 1) return z00 + (z10 - z00) * fx + (z01 - z00) * fy;
-  return z11 + (z01 - z11) * (1 - fx) + (z10 - z11) * (1 - fy);
+  const bool lower = fx + fy <= 1;
+  const double dx = lower ? z10 - z00 : z11 - z01, dy = lower ? z01 - z00 : z11 - z10;
+  return {dx * per_metre, dy * per_metre, lower ? z00 + dx * fx + dy * fy : z11 - dx * (1 - fx) - dy * (1 - fy)};
 }
 
 void Scene::Build() {
@@ -134,23 +136,30 @@ void Scene::CastCell(int i, int j, const GridRay& ray, double t, double t_out, H
   cross(z11, z11 - z01, z11 - z10, i + 1, j + 1, false);
 }
 
-bool Scene::CastDown(const GridRay& ray, double height, Hit* best) const {
+bool Scene::CastDown(const GridRay& ray, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction,
+                     const Beam& beam, Hit* best) const {
   const Level& cells = levels_[0];
-  double t = std::max(0.0, (height - ray.oz) / ray.dz);
+  double t = std::max(0.0, (beam.height - ray.oz) / ray.dz);
   const double x = ray.ox + t * ray.dx, y = ray.oy + t * ray.dy;
-  if (x < 0 || y < 0) return false;
+  if (x < 0 || y < 0 || x >= cells.width || y >= cells.height) return false;
   int i = static_cast<int>(x), j = static_cast<int>(y);
+  const auto cast_solids = [&] {
+    const size_t block = static_cast<size_t>(j >> kLeaf) * levels_[kLeaf].width + (i >> kLeaf);
+    for (uint32_t k = list_begin_[block]; k < list_begin_[block + 1]; ++k) {
+      CastSolid(lists_[k], origin, direction, best);
+    }
+  };
+  if (beam.solids) cast_solids();
   const int step_i = ray.dx > 0 ? 1 : -1, step_j = ray.dy > 0 ? 1 : -1;
   const double per_x = ray.dx != 0 ? std::abs(1 / ray.dx) : kInfinity,
                per_y = ray.dy != 0 ? std::abs(1 / ray.dy) : kInfinity;
   double next_x = ray.dx != 0 ? t + (ray.dx > 0 ? i + 1 - x : x - i) * per_x : kInfinity;
   double next_y = ray.dy != 0 ? t + (ray.dy > 0 ? j + 1 - y : y - j) * per_y : kInfinity;
-  while (i >= 0 && j >= 0 && i < cells.width && j < cells.height) {
+  while (true) {
     const double t_out = std::min(next_x, next_y);
-    if (ray.oz + ray.dz * t_out <= cells.max[static_cast<size_t>(j) * cells.width + i]) {
+    if (ray.oz + ray.dz * std::min(t_out, best->distance) <= cells.max[static_cast<size_t>(j) * cells.width + i])
       CastCell(i, j, ray, t, t_out, best);
-      if (best->surface == Hit::kGround) return true;
-    }
+    if (best->surface == Hit::kGround || best->distance <= t_out) return true;
     t = t_out;
     if (t == kInfinity) return false;
     const int old_i = i, old_j = j;
@@ -161,26 +170,42 @@ bool Scene::CastDown(const GridRay& ray, double height, Hit* best) const {
       j += step_j;
       next_y += per_y;
     }
-    if (((old_i ^ i) | (old_j ^ j)) >> kLeaf == 0) continue;
     if (i < 0 || j < 0 || i >= cells.width || j >= cells.height) return false;
-    const size_t block = static_cast<size_t>(j >> kLeaf) * levels_[kLeaf].width + (i >> kLeaf);
-    if (list_begin_[block] != list_begin_[block + 1]) return false;
+    if (((old_i ^ i) | (old_j ^ j)) >> kLeaf != 0) cast_solids();
+  }
+}
+
+bool Scene::SettleOnGround(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, Hit* hit) const {
+  const double tolerance = 5e-5 * hit->distance;
+  for (int i = 0; i < 3; ++i) {
+    const Eigen::Vector3d point = origin + hit->distance * direction;
+    const Eigen::Vector3d tangent = grid.Tangent(point.x(), point.y());
+    const double above = point.z() - tangent.z();
+    hit->slope = static_cast<float>(std::sqrt(tangent.x() * tangent.x() + tangent.y() * tangent.y()));
+    if (std::abs(above) < tolerance) return true;
+    const double closing = tangent.x() * direction.x() + tangent.y() * direction.y() - direction.z();
+    if (closing < 0.1) return false;
+    hit->distance += above / closing;
   }
   return false;
 }
 
 Hit Scene::Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, const Beam& beam) const {
   // In cells of the grid, so that cell borders are integers.
-  const double ox = (origin.x() - grid.x0) / grid.spacing, oy = (origin.y() - grid.y0) / grid.spacing;
-  const double dx = direction.x() / grid.spacing, dy = direction.y() / grid.spacing;
+  const double per_metre = 1 / grid.spacing;
+  const double ox = (origin.x() - grid.x0) * per_metre, oy = (origin.y() - grid.y0) * per_metre;
+  const double dx = direction.x() * per_metre, dy = direction.y() * per_metre;
   const double oz = origin.z(), dz = direction.z();
-  const double ix = dx != 0 ? 1 / dx : kInfinity, iy = dy != 0 ? 1 / dy : kInfinity, iz = dz != 0 ? 1 / dz : 0;
-  const int cells_x = levels_[0].width, cells_y = levels_[0].height;
-
   const GridRay ray{ox, oy, oz, dx, dy, dz};
   Hit best;
   best.distance = kInfinity;
-  if (!beam.solids && CastDown(ray, beam.height, &best)) return best;
+  if (beam.height < 1e29) {
+    if (CastDown(ray, origin, direction, beam, &best)) return best;
+    best = Hit{};
+    best.distance = kInfinity;
+  }
+  const double ix = dx != 0 ? 1 / dx : kInfinity, iy = dy != 0 ? 1 / dy : kInfinity, iz = dz != 0 ? 1 / dz : 0;
+  const int cells_x = levels_[0].width, cells_y = levels_[0].height;
   double t = 0, t_end = kInfinity;
   if (dx != 0) {
     const double a = -ox * ix, b = (cells_x - ox) * ix;

@@ -17,12 +17,14 @@ namespace mapmend::simulate {
 struct HeightGrid {
   double x0 = 0, y0 = 0, spacing = 1;
   int width = 0, height = 0;  // vertices
-  std::vector<float> z;
+  BigVector<float> z;
 
   float& At(int i, int j) { return z[static_cast<size_t>(j) * width + i]; }
   float At(int i, int j) const { return z[static_cast<size_t>(j) * width + i]; }
   // On the triangles; clamped to the border.
-  double Height(double x, double y) const;
+  double Height(double x, double y) const { return Tangent(x, y).z(); }
+  // The slopes along x and y there, and the height.
+  Eigen::Vector3d Tangent(double x, double y) const;
 };
 
 // A plane of a convex solid: normal . x = offset, normal pointing out; and how its picture lies on it: texel
@@ -74,6 +76,9 @@ class Scene {
   std::vector<Solid> solids;
   std::vector<std::shared_ptr<const Texture>> textures;
   double survey_height = 500;  // above everything; indoors, below the ceiling
+  // Beyond its borders the ground goes on, as a mirrored picture on the plane z = 0 that fades into the haze: for views
+  // far to the side, not part of the truth.
+  bool continues = false;
   Color sky_low = Rgb(205, 215, 228), sky_high = Rgb(120, 165, 220);
 
   // Call after the public members are set, and once.
@@ -85,11 +90,16 @@ class Scene {
   // The same for a ray within a beam whose upper part is known to be empty.
   Hit Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, const Beam& beam) const;
   // What is sure to be empty between four rays, the corners of a small piece of the image. All Beam{} promises is
-  // nothing.
-  Beam ClearBeam(const Eigen::Vector3d* origins, const Eigen::Vector3d* directions) const;
+  // nothing. within: a beam of which this one is a part.
+  Beam ClearBeam(const Eigen::Vector3d* origins, const Eigen::Vector3d* directions, const Beam& within = {}) const;
   // True if the beam's rays, which hit `surface` (the ground or a face) at four points, must hit it everywhere between:
   // nothing else reaches into the beam. The ground may still be uneven by 0.4 m.
   bool IsClear(const Beam& beam, const Eigen::Vector3d* points, const Eigen::Vector3d* directions, int surface) const;
+  // True if all the ground around four points of it (corners in the order of a Z) is one plane to within `tolerance`,
+  // metres of height.
+  bool IsFlat(const Eigen::Vector3d* points, double tolerance) const;
+  // Moves a hit that is nearly right onto the ground, along its ray. False if it was not near enough.
+  bool SettleOnGround(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, Hit* hit) const;
   // Colour there, [0, 255] as a camera without noise would store it. pixel_angle: radians between neighbouring rays.
   // time: seconds, for the wind in the leaves.
   Color Shade(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, const Hit& hit, double pixel_angle,
@@ -106,7 +116,7 @@ class Scene {
  private:
   struct Level {
     int width = 0, height = 0;
-    std::vector<float> max;
+    BigVector<float> max;
   };
   struct Plane {
     double x, y, z, offset;
@@ -132,9 +142,9 @@ class Scene {
   };
   // Where the ray crosses the two triangles of a cell from above, between t and t_out.
   void CastCell(int i, int j, const GridRay& ray, double t, double t_out, Hit* best) const;
-  // A steep ray that meets nothing but the height field, cell by cell from `height` down. False if it leaves the grid
-  // or comes to a block with solids.
-  bool CastDown(const GridRay& ray, double height, Hit* best) const;
+  // A steep ray, cell by cell from the beam's height down. False if it leaves the grid.
+  bool CastDown(const GridRay& ray, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, const Beam& beam,
+                Hit* best) const;
   void CastSolid(int solid, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, Hit* best) const;
 
   static constexpr int kLeaf = 3;  // solids are listed per block of 2^3 cells

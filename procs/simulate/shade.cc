@@ -1,18 +1,8 @@
 // Colour of what a ray has hit: filtered texture lookups. Light is part of the textures and of the faces' colours.
-#include <bit>
-
 #include "procs/simulate/scene.h"
 
 namespace mapmend::simulate {
 namespace {
-
-// log2 to 1e-2, from the bits of the float: enough to choose a mipmap, fast, and the same on every machine.
-float Log2(float x) {
-  const auto bits = std::bit_cast<uint32_t>(x);
-  const float exponent = static_cast<float>(static_cast<int>(bits >> 23) - 127);
-  const float mantissa = std::bit_cast<float>((bits & 0x7fffff) | 0x3f800000);
-  return exponent + (-1.0f / 3 * mantissa + 2) * mantissa - 5.0f / 3;
-}
 
 // Samples along the long axis of a pixel's footprint: width texels across, (step_x, step_y) texels long.
 Color SampleFootprint(const Texture& texture, float x, float y, float step_x, float step_y, float width) {
@@ -51,7 +41,8 @@ Color Scene::ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& di
     // On steep sides, of trees, a grid seen from above would show as streaks: there each layer of height is of its own.
     const double up = slope > 0.7 ? scale * point.z() : 0;
     const double turns = ground_repeat > 0 ? std::floor(x / ground_repeat) : 0;
-    const float leaves = Canopy(x - turns * ground_repeat, y, up, Log2(static_cast<float>(width)), LeavesSeen(direction, time));
+    const float leaves =
+        Canopy(x - turns * ground_repeat, y, up, Log2(static_cast<float>(width)), LeavesSeen(direction, time));
     color *= 1.f + foliage * (1.f / 255) * color[3] * leaves;
   }
   // Below the size of a ground texel: ever finer copies of a grey picture, each fading in as the camera comes near.
@@ -76,9 +67,24 @@ Color Scene::ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& di
   return color;
 }
 
-Color Scene::Shade(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, const Hit& hit,
-                   double pixel_angle, double time) const {
+Color Scene::Shade(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, const Hit& hit, double pixel_angle,
+                   double time) const {
   if (hit.surface == Hit::kNothing) {
+    if (continues && direction.z() < -0.02 && origin.z() > 0) {
+      const double distance = -origin.z() / direction.z(), scale = ground_texels_per_metre;
+      // Back and forth between the borders.
+      const auto mirror = [](double at, int size) {
+        const double turn = at - 2.0 * size * std::floor(at / (2.0 * size));
+        return static_cast<float>(turn < size ? turn : 2.0 * size - turn);
+      };
+      const double width = distance * pixel_angle * scale, length = width / -direction.z();
+      const Color land =
+          SampleFootprint(*ground, mirror((origin.x() + distance * direction.x() - grid.x0) * scale, ground->Width()),
+                          mirror((origin.y() + distance * direction.y() - grid.y0) * scale, ground->Height()),
+                          static_cast<float>(length * direction.x()), static_cast<float>(length * direction.y()),
+                          static_cast<float>(width));
+      return land + (sky_low - land) * static_cast<float>(distance / (distance + 1500));
+    }
     const float up = static_cast<float>(std::clamp(direction.z() * 1.5, 0.0, 1.0));
     return sky_low + (sky_high - sky_low) * up;
   }

@@ -59,7 +59,7 @@ double Drift(double time, double period, uint64_t seed) { return 1.9 * ValueNois
 }  // namespace
 
 Simulator::Simulator(const Scenario& scenario, const std::string& data_folder, int num_threads)
-    : scenario_(Prepare(scenario)), motion_(scenario_) {
+    : scenario_(Prepare(scenario)), num_threads_(num_threads), motion_(scenario_) {
   AddLakes(motion_, &scenario_);
   scene_ = BuildScene(scenario_, data_folder, num_threads);
   RenderOptions options;

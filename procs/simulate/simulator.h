@@ -28,12 +28,14 @@ class Simulator {
   SensorState Sensor(int index) const;
 
   const Scenario& GetScenario() const { return scenario_; }
+  int NumThreads() const { return num_threads_; }
   const Scene& GetScene() const { return *scene_; }
   const Renderer& GetRenderer() const { return *renderer_; }
   const CameraMotion& Motion() const { return motion_; }
 
  private:
   Scenario scenario_;
+  int num_threads_;
   CameraMotion motion_;
   std::unique_ptr<Scene> scene_;
   std::unique_ptr<Renderer> renderer_;

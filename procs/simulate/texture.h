@@ -5,11 +5,14 @@
 #endif
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <string>
 #include <vector>
+
+#include "procs/simulate/big_vector.h"
 
 namespace mapmend::simulate {
 
@@ -42,6 +45,38 @@ inline Color Unpack(uint32_t texel) {
 #endif
 }
 
+// Bilinear lookups in whole numbers, in units of 1/128: texels t[0], t[1] and those of the row below. fx in [0, 32767],
+// fy in [0, 128]; only the lower half of the result counts.
+using Short8 = int16_t __attribute__((vector_size(16)));
+inline Short8 MultiplyRounded(const Short8& a, const Short8& b) {
+#if defined(__SSE4_1__)
+  return (Short8)_mm_mulhrs_epi16((__m128i)a, (__m128i)b);
+#else
+  Short8 result;
+  for (int k = 0; k < 8; ++k) result[k] = static_cast<int16_t>((a[k] * b[k] + 0x4000) >> 15);
+  return result;
+#endif
+}
+inline Short8 TwoTexels(const uint32_t* t) {
+  uint8_t bytes __attribute__((vector_size(8)));
+  std::memcpy(&bytes, t, 8);
+  return __builtin_convertvector(bytes, Short8);
+}
+inline Short8 BilinearWhole(const uint32_t* t, int width, const Short8& fx, const Short8& fy) {
+  const Short8 above = TwoTexels(t), below = TwoTexels(t + width);
+  const Short8 both = above * 128 + (below - above) * fy;
+  const Short8 right = __builtin_shuffle(both, Short8{4, 5, 6, 7, 4, 5, 6, 7});
+  return both + MultiplyRounded(right - both, fx);
+}
+inline Color FromWhole(const Short8& v) {
+#if defined(__SSE4_1__)
+  return _mm_cvtepi32_ps(_mm_cvtepi16_epi32((__m128i)v)) * (1.f / 128);
+#else
+  return Color{static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2]), static_cast<float>(v[3])} *
+         (1.f / 128);
+#endif
+}
+
 inline Color SquareRoot(const Color& v) {
 #if defined(__SSE4_1__)
   return _mm_sqrt_ps(v);
@@ -50,10 +85,18 @@ inline Color SquareRoot(const Color& v) {
 #endif
 }
 
+// log2 to 1e-2, from the bits of the float: enough to choose a mipmap, fast, and the same on every machine.
+inline float Log2(float x) {
+  const auto bits = std::bit_cast<uint32_t>(x);
+  const float exponent = static_cast<float>(static_cast<int>(bits >> 23) - 127);
+  const float mantissa = std::bit_cast<float>((bits & 0x7fffff) | 0x3f800000);
+  return exponent + (-1.0f / 3 * mantissa + 2) * mantissa - 5.0f / 3;
+}
+
 // A picture, row by row, 8 bits a channel; texel centres at integers.
 struct Image {
   int width = 0, height = 0;
-  std::vector<uint32_t> texels;
+  BigVector<uint32_t> texels;
 
   Image() = default;
   Image(int w, int h, Color fill = Color{}) : width(w), height(h), texels(static_cast<size_t>(w) * h, Pack(fill)) {}

@@ -8,6 +8,7 @@
 
 #include "libs/geometry/write_file.h"
 #include "procs/simulate/frame_writer.h"
+#include "procs/simulate/parallel.h"
 #include "procs/simulate/random.h"
 #include "procs/simulate/simulator.h"
 
@@ -112,19 +113,23 @@ std::string FormatTerrain(const Simulator& simulator) {
       "blue\n"
       "element face %d\nproperty list uchar int vertex_indices\nend_header\n",
       nx * ny, 2 * (nx - 1) * (ny - 1));
-  for (int j = 0; j < ny; ++j) {
-    for (int i = 0; i < nx; ++i) {
-      const Eigen::Vector3d origin(grid.x0 + (i + 0.5) * step, grid.y0 + (j + 0.5) * step, scene.survey_height);
-      const Eigen::Vector3d down(0, 0, -1);
-      const Hit hit = scene.Cast(origin, down);
-      const Color color = scene.Shade(origin, down, hit, step / std::max(1.0, hit.distance));
-      const uint32_t rgb = Pack(color);
-      Append(&text, static_cast<float>(origin.x()));
-      Append(&text, static_cast<float>(origin.y()));
-      Append(&text, static_cast<float>(origin.z() - (std::isfinite(hit.distance) ? hit.distance : origin.z())));
-      for (int c = 0; c < 3; ++c) Append(&text, static_cast<uint8_t>(rgb >> (8 * c)));
+  std::vector<std::string> rows(ny);
+  ParallelFor(ny, 4, simulator.NumThreads(), [&](int begin, int end) {
+    for (int j = begin; j < end; ++j) {
+      for (int i = 0; i < nx; ++i) {
+        const Eigen::Vector3d origin(grid.x0 + (i + 0.5) * step, grid.y0 + (j + 0.5) * step, scene.survey_height);
+        const Eigen::Vector3d down(0, 0, -1);
+        const Hit hit = scene.Cast(origin, down);
+        const Color color = scene.Shade(origin, down, hit, step / std::max(1.0, hit.distance));
+        const uint32_t rgb = Pack(color);
+        Append(&rows[j], static_cast<float>(origin.x()));
+        Append(&rows[j], static_cast<float>(origin.y()));
+        Append(&rows[j], static_cast<float>(origin.z() - (std::isfinite(hit.distance) ? hit.distance : origin.z())));
+        for (int c = 0; c < 3; ++c) Append(&rows[j], static_cast<uint8_t>(rgb >> (8 * c)));
+      }
     }
-  }
+  });
+  for (const std::string& row : rows) text += row;
   for (int j = 0; j + 1 < ny; ++j) {
     for (int i = 0; i + 1 < nx; ++i) {
       const int32_t a = j * nx + i;

@@ -38,7 +38,7 @@ TEST(Simulator, BundleAdjustmentOfPicturesRecoversThePoses) {
   Simulator simulator(scenario, data, 2);
   constexpr int kFrames = 8;
   std::vector<cv::Mat> pictures;
-  std::vector<float> distances;  // of the first frame
+  BigVector<float> distances;  // of the first frame
   for (int i = 0; i < kFrames; ++i) {
     Frame frame;
     simulator.Render(i, &frame);
