@@ -9,8 +9,9 @@
 
 #include "libs/mapping/records.h"
 
-// A stream of records as a frontend makes them, of any size, without images: a camera that flies over random points and words.
-// Neighbouring keyframes share most points and words; a later submap that `revisits` an earlier one shares words with it.
+// A stream of records as a frontend makes them, of any size, without images: a camera that flies over random points and
+// words. Neighbouring keyframes share most points and words; a later submap that `revisits` an earlier one shares words
+// with it.
 namespace mapmend {
 
 struct SyntheticStreamOptions {
@@ -19,8 +20,8 @@ struct SyntheticStreamOptions {
   int num_submaps = 2;
   int keyframes_per_submap = 10;
   int num_features = 100;
-  int points_per_keyframe = 40;   // observed by features 0 ..
-  int num_words = 80;             // of a keyframe
+  int points_per_keyframe = 40;  // observed by features 0 ..
+  int num_words = 80;            // of a keyframe
   int vocabulary_words = 100000;
   bool end_session = true;
   int64_t start_utime = 1700000000000000;
@@ -116,26 +117,30 @@ class SyntheticStream {
     record.cam_from_submap = Pose(in_submap);
     const int n = options_.num_features;
     for (int i = 0; i < n; ++i) {
-      record.features.keypoints.push_back({{static_cast<float>(Random() % 6400) * 0.1f, static_cast<float>(Random() % 4800) * 0.1f},
-                                           static_cast<float>(Random() % 628) * 0.01f,
-                                           static_cast<int8_t>(Random() % 8)});
+      record.features.keypoints.push_back(
+          {{static_cast<float>(Random() % 6400) * 0.1f, static_cast<float>(Random() % 4800) * 0.1f},
+           static_cast<float>(Random() % 628) * 0.01f,
+           static_cast<int8_t>(Random() % 8)});
       Descriptor descriptor;
       for (uint64_t& word : descriptor) word = static_cast<uint64_t>(Random()) << 32 | Random();
       record.features.descriptors.push_back(descriptor);
       record.features.colors.push_back({static_cast<uint8_t>(Random()), 1, 2});
       // The newest points, so that keyframe k shares the more with k - j the smaller j is.
       const int point = next_point_ - 1 - i;
-      record.map_points.push_back(i < options_.points_per_keyframe && point >= base_point_ ? MapPointId(point) : MapPointId());
+      record.map_points.push_back(i < options_.points_per_keyframe && point >= base_point_ ? MapPointId(point)
+                                                                                           : MapPointId());
       record.words.push_back(static_cast<int32_t>(Random() % static_cast<uint32_t>(options_.vocabulary_words)));
       record.nodes.push_back(record.words.back() / 100);
     }
     // Words: a window that slides with the place, the same places in every submap.
     std::set<int32_t> words;
     for (int i = 0; i < options_.num_words; ++i) {
-      const uint32_t place = static_cast<uint32_t>(in_submap) * static_cast<uint32_t>(options_.num_words) / 5 + static_cast<uint32_t>(i);
+      const uint32_t place =
+          static_cast<uint32_t>(in_submap) * static_cast<uint32_t>(options_.num_words) / 5 + static_cast<uint32_t>(i);
       const uint32_t word = place * 2654435761u % static_cast<uint32_t>(options_.vocabulary_words);
-      words.insert(Random() % 10 == 0 ? static_cast<int32_t>(Random() % static_cast<uint32_t>(options_.vocabulary_words))
-                                      : static_cast<int32_t>(word));
+      words.insert(Random() % 10 == 0
+                       ? static_cast<int32_t>(Random() % static_cast<uint32_t>(options_.vocabulary_words))
+                       : static_cast<int32_t>(word));
     }
     for (const int32_t word : words) {
       record.bow.words.push_back(word);

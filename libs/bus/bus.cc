@@ -26,7 +26,8 @@ using Clock = std::chrono::steady_clock;
 constexpr int kUdpReceiveBuffer = 4194304;  // bytes; messages above 100 KB are lost with less (docs/protocol.md)
 constexpr int kSocketTimeoutS = 10;         // longer than the hub's back-pressure time-out
 // Between attempts to connect: quick at first, so that a restarted hub is found at once, then slower.
-constexpr auto kFirstReconnectInterval = std::chrono::milliseconds(100), kReconnectInterval = std::chrono::milliseconds(500);
+constexpr auto kFirstReconnectInterval = std::chrono::milliseconds(100),
+               kReconnectInterval = std::chrono::milliseconds(500);
 constexpr int kNumFirstReconnects = 20;
 constexpr int kMaxMessagesPerHandle = 512;  // so that heartbeats go on under load
 
@@ -45,15 +46,16 @@ struct LcmDeleter {
 using LcmPtr = std::unique_ptr<lcm_t, LcmDeleter>;
 
 bool IsChannelText(const std::string& text) {
-  return std::all_of(text.begin(), text.end(), [](char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_'; });
+  return std::all_of(text.begin(), text.end(),
+                     [](char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_'; });
 }
 
 std::string CheckedUrl(std::string url) {
   const size_t colon = url.find("://");
   const std::string scheme = url.substr(0, colon);
-  if (colon == std::string::npos ||
-      (scheme != "tcpq" && scheme != "udpm" && scheme != "memq" && scheme != "file")) {
-    throw std::runtime_error("LCM URL '" + url + "': expected tcpq://HOST:PORT, udpm://GROUP:PORT?ttl=0, memq:// or file://LOG");
+  if (colon == std::string::npos || (scheme != "tcpq" && scheme != "udpm" && scheme != "memq" && scheme != "file")) {
+    throw std::runtime_error("LCM URL '" + url +
+                             "': expected tcpq://HOST:PORT, udpm://GROUP:PORT?ttl=0, memq:// or file://LOG");
   }
   if (scheme == "udpm" && url.find("recv_buf_size") == std::string::npos) {
     url.push_back(url.find('?') == std::string::npos ? '?' : '&');
@@ -66,9 +68,10 @@ void WarnIfUdpBufferIsSmall() {
   int granted = 0;
   std::ifstream("/proc/sys/net/core/rmem_max") >> granted;
   if (granted > 0 && granted < kUdpReceiveBuffer) {
-    spdlog::warn("udpm: the kernel grants receive buffers of {} bytes only, large messages will be lost; run 'sysctl -w "
-                 "net.core.rmem_max={}' or use tcpq",
-                 granted, kUdpReceiveBuffer);
+    spdlog::warn(
+        "udpm: the kernel grants receive buffers of {} bytes only, large messages will be lost; run 'sysctl -w "
+        "net.core.rmem_max={}' or use tcpq",
+        granted, kUdpReceiveBuffer);
   }
 }
 
@@ -80,9 +83,9 @@ std::string ResolveLcmUrl(const std::string& argument) {
   return environment != nullptr && *environment != '\0' ? environment : "tcpq://127.0.0.1:7700";
 }
 
-// For tcpq there are two connections, one that only publishes and one that only receives: a process that waits in publish
-// (back-pressure) can then still be read from by another thread, and a reconnection in one thread cannot close the
-// descriptor that the other one writes to.
+// For tcpq there are two connections, one that only publishes and one that only receives: a process that waits in
+// publish (back-pressure) can then still be read from by another thread, and a reconnection in one thread cannot close
+// the descriptor that the other one writes to.
 struct Bus::Impl {
   struct Subscriber {
     Bus* bus;
@@ -146,9 +149,9 @@ Bus::Bus(const std::string& url, const std::string& channel_prefix) : impl_(std:
   impl_->is_tcp = checked.starts_with("tcpq");
   impl_->receiver.reset(lcm_create(checked.c_str()));
   if (!impl_->receiver) {
-    throw std::runtime_error("LCM URL '" + checked + "' cannot be used" +
-                             (checked.starts_with("udpm") ? "; is there a multicast route ('ip route add 224.0.0.0/4 dev lo')?"
-                                                          : ""));
+    throw std::runtime_error(
+        "LCM URL '" + checked + "' cannot be used" +
+        (checked.starts_with("udpm") ? "; is there a multicast route ('ip route add 224.0.0.0/4 dev lo')?" : ""));
   }
   if (impl_->is_tcp) {
     impl_->publisher.reset(lcm_create(checked.c_str()));
@@ -165,8 +168,8 @@ Bus::~Bus() = default;
 
 void Bus::SubscribeRaw(const std::string& channel, Delivery delivery, RawHandler handler) {
   impl_->subscribers.push_back(std::make_unique<Impl::Subscriber>(Impl::Subscriber{this, channel, std::move(handler)}));
-  lcm_subscription_t* subscription = lcm_subscribe(impl_->receiver.get(), (impl_->prefix + channel).c_str(), &Impl::Dispatch,
-                                                   impl_->subscribers.back().get());
+  lcm_subscription_t* subscription = lcm_subscribe(impl_->receiver.get(), (impl_->prefix + channel).c_str(),
+                                                   &Impl::Dispatch, impl_->subscribers.back().get());
   if (subscription == nullptr) throw std::runtime_error("cannot subscribe to " + impl_->prefix + channel);
   lcm_subscription_set_queue_capacity(subscription, delivery == Delivery::kKeepAll ? 0 : 2);
 }

@@ -9,16 +9,16 @@
 
 namespace mapmend {
 
-// Whether a subscription may lose messages: kKeepAll queues without limit (stream, acks, requests), kLatest keeps the newest
-// few (images, live poses).
+// Whether a subscription may lose messages: kKeepAll queues without limit (stream, acks, requests), kLatest keeps the
+// newest few (images, live poses).
 enum class Delivery { kKeepAll, kLatest };
 
 // The URL to use: the argument if not empty, else LCM_DEFAULT_URL, else tcpq://127.0.0.1:7700.
 std::string ResolveLcmUrl(const std::string& argument);
 
-// The one wrapper of LCM. One thread calls Handle; Publish may be called from any thread (tcpq is not thread-safe by itself).
-// Survives the hub's absence and restart: Handle reconnects. Untrusted input: a message whose lengths do not fit its bytes
-// is counted and dropped before it reaches a handler.
+// The one wrapper of LCM. One thread calls Handle; Publish may be called from any thread (tcpq is not thread-safe by
+// itself). Survives the hub's absence and restart: Handle reconnects. Untrusted input: a message whose lengths do not
+// fit its bytes is counted and dropped before it reaches a handler.
 class Bus {
  public:
   // url as ResolveLcmUrl gives. Throws std::runtime_error with one line if the URL is malformed or udpm has no route.

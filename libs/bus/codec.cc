@@ -44,7 +44,8 @@ Rigid3 DecodePose(const double* values) {
   double norm = 0;
   for (int i = 3; i < 7; ++i) norm += values[i] * values[i];
   Require(std::abs(norm - 1) < 1e-3, "rotation is not a unit quaternion");
-  // Normalising what is a unit quaternion up to rounding would change last bits: what is read and sent on stays the same.
+  // Normalising what is a unit quaternion up to rounding would change last bits: what is read and sent on stays the
+  // same.
   Rigid3 pose;
   pose.rotation = Eigen::Quaterniond(values[6], values[3], values[4], values[5]);
   pose.translation = Eigen::Vector3d(values[0], values[1], values[2]);
@@ -143,7 +144,8 @@ RecordBody Decode(const keyframe_t& m) {
   for (size_t i = 0; i < m.bow_word.size(); ++i) {
     Require(m.bow_word[i] > previous, "bow_word does not ascend");
     Require(m.bow_word[i] < InvertedIndex::kMaxWords, "bow_word is out of range");
-    Require(std::isfinite(m.bow_weight[i]) && m.bow_weight[i] > 0 && m.bow_weight[i] < 1.001f, "bow_weight is out of range");
+    Require(std::isfinite(m.bow_weight[i]) && m.bow_weight[i] > 0 && m.bow_weight[i] < 1.001f,
+            "bow_weight is out of range");
     previous = m.bow_word[i];
   }
   body.bow = {m.bow_word, m.bow_weight};
@@ -154,13 +156,15 @@ RecordBody Decode(const map_update_t& m) {
   Require(m.submap >= 0 && m.submap <= kMaxId, "submap is out of range");
   Require(m.num_pose_values == 7 * static_cast<int64_t>(m.num_keyframes), "num_pose_values is not 7 * num_keyframes");
   Require(m.num_position_values == 3 * static_cast<int64_t>(m.num_points), "num_position_values is not 3 * num_points");
-  Require(m.num_frame_pose_values == 7 * static_cast<int64_t>(m.num_frames), "num_frame_pose_values is not 7 * num_frames");
+  Require(m.num_frame_pose_values == 7 * static_cast<int64_t>(m.num_frames),
+          "num_frame_pose_values is not 7 * num_frames");
   Require(AllFinite(m.position), "position is not finite");
   const auto require_ids = [](const std::vector<int32_t>& ids) {
     for (const int32_t id : ids) Require(id >= 0 && id <= kMaxId, "id is out of range");
   };
-  for (const std::vector<int32_t>* ids : {&m.keyframe, &m.point, &m.removed_keyframe, &m.removed_point, &m.frame_keyframe,
-                          &m.observation_keyframe, &m.observation_feature, &m.frame}) {
+  for (const std::vector<int32_t>* ids :
+       {&m.keyframe, &m.point, &m.removed_keyframe, &m.removed_point, &m.frame_keyframe, &m.observation_keyframe,
+        &m.observation_feature, &m.frame}) {
     require_ids(*ids);
   }
   MapUpdate body;

@@ -6,8 +6,8 @@
 
 #include "libs/mapping/records.h"
 
-// Records of the stream to and from their wire form. Decoding treats the bytes as untrusted: lengths, counts that must agree,
-// ids, octaves and finiteness are checked.
+// Records of the stream to and from their wire form. Decoding treats the bytes as untrusted: lengths, counts that must
+// agree, ids, octaves and finiteness are checked.
 namespace mapmend {
 
 struct EncodedRecord {
@@ -25,7 +25,6 @@ struct DecodedRecord {
 };
 // Never throws for bad bytes.
 DecodedRecord DecodeRecord(const std::string& channel, const uint8_t* data, int size);
-
 
 // The header alone, which stands first in every record behind the type's hash. nullopt if it is not valid.
 std::optional<RecordHeader> PeekHeader(const uint8_t* data, int size);

@@ -85,8 +85,9 @@ submap_t ToMessage(const RecordHeader& header, const SubmapEnded& body) {
 keyframe_t ToMessage(const RecordHeader& header, const KeyframeRecord& body) {
   const Features& features = body.features;
   const size_t n = features.keypoints.size();
-  if (features.descriptors.size() != n || body.map_points.size() != n || body.words.size() != n || body.nodes.size() != n ||
-      (!features.colors.empty() && features.colors.size() != n) || body.bow.words.size() != body.bow.weights.size()) {
+  if (features.descriptors.size() != n || body.map_points.size() != n || body.words.size() != n ||
+      body.nodes.size() != n || (!features.colors.empty() && features.colors.size() != n) ||
+      body.bow.words.size() != body.bow.weights.size()) {
     throw std::invalid_argument("keyframe " + std::to_string(body.keyframe.value) + ": feature counts disagree");
   }
   keyframe_t message{};

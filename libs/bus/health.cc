@@ -14,7 +14,8 @@ namespace mapmend {
 namespace {
 
 int64_t NowUs() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+  return std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch())
+      .count();
 }
 
 }  // namespace
@@ -23,7 +24,9 @@ ProcessUsage ReadProcessUsage() {
   ProcessUsage usage;
   rusage r{};
   getrusage(RUSAGE_SELF, &r);
-  const auto seconds = [](const timeval& t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); };
+  const auto seconds = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
   usage.cpu_s = seconds(r.ru_utime) + seconds(r.ru_stime);
   std::ifstream status("/proc/self/status");
   std::string line;

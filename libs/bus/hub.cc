@@ -23,7 +23,8 @@
 namespace mapmend {
 
 bool IsBestEffortChannel(const std::string& channel) {
-  for (const char* name : {channels::kFramePose, channels::kImage, channels::kHealth, channels::kAck, channels::kStreamState}) {
+  for (const char* name :
+       {channels::kFramePose, channels::kImage, channels::kHealth, channels::kAck, channels::kStreamState}) {
     if (channel.ends_with(name)) return true;
   }
   return false;
@@ -33,7 +34,8 @@ std::string HubOptions::Check() const {
   if (port < 0 || port > 65535) return "port must lie in 0 .. 65535";
   in_addr address{};
   if (inet_pton(AF_INET, bind.c_str(), &address) != 1) return "bind address '" + bind + "' is not an IPv4 address";
-  if (max_message_bytes <= 0 || best_effort_queue_bytes <= 0 || reliable_queue_bytes <= 0) return "sizes must be positive";
+  if (max_message_bytes <= 0 || best_effort_queue_bytes <= 0 || reliable_queue_bytes <= 0)
+    return "sizes must be positive";
   if (backpressure_timeout_ms < 0) return "backpressure_timeout_ms must not be negative";
   return "";
 }
@@ -144,7 +146,8 @@ Hub::Hub(const HubOptions& options) : impl_(std::make_unique<Impl>()) {
   address.sin_family = AF_INET;
   address.sin_port = htons(static_cast<uint16_t>(options.port));
   inet_pton(AF_INET, options.bind.c_str(), &address.sin_addr);
-  if (::bind(impl_->listener, reinterpret_cast<sockaddr*>(&address), sizeof(address)) != 0 || listen(impl_->listener, 64) != 0) {
+  if (::bind(impl_->listener, reinterpret_cast<sockaddr*>(&address), sizeof(address)) != 0 ||
+      listen(impl_->listener, 64) != 0) {
     fail("cannot listen on");
   }
   socklen_t length = sizeof(address);
@@ -195,7 +198,8 @@ void Hub::Spin(int timeout_ms) {
 Hub::Statistics Hub::GetStatistics() const {
   Statistics statistics = impl_->statistics;
   statistics.num_clients = static_cast<int>(impl_->clients.size());
-  for (const auto& [fd, client] : impl_->clients) statistics.queued_bytes += client->reliable_bytes() + client->best_effort_bytes();
+  for (const auto& [fd, client] : impl_->clients)
+    statistics.queued_bytes += client->reliable_bytes() + client->best_effort_bytes();
   return statistics;
 }
 

@@ -22,8 +22,8 @@ struct HubOptions {
 };
 
 // The exchange of all messages over TCP: a drop-in for LCM's Java TCPService, speaking the protocol of liblcm's tcpq
-// provider (docs/protocol.md). One thread, epoll. Every message goes to each client with a matching subscription, in the order
-// in which it came. A stopped subscriber cannot stop the others: see HubOptions.
+// provider (docs/protocol.md). One thread, epoll. Every message goes to each client with a matching subscription, in
+// the order in which it came. A stopped subscriber cannot stop the others: see HubOptions.
 class Hub {
  public:
   // Binds and listens. Throws std::runtime_error with one line, e.g. if the port is in use.
@@ -51,8 +51,8 @@ class Hub {
   std::unique_ptr<Impl> impl_;
 };
 
-// Channels whose messages may be dropped when a client is slow: live poses, images, health, and those that are repeated anyway.
-// A prefix before the name does not matter.
+// Channels whose messages may be dropped when a client is slow: live poses, images, health, and those that are repeated
+// anyway. A prefix before the name does not matter.
 bool IsBestEffortChannel(const std::string& channel);
 
 }  // namespace mapmend

@@ -25,7 +25,8 @@ constexpr size_t kMaxPatterns = 4096;
 constexpr size_t kMaxCachedChannels = 4096;
 
 uint32_t ReadU32(const uint8_t* p) {
-  return static_cast<uint32_t>(p[0]) << 24 | static_cast<uint32_t>(p[1]) << 16 | static_cast<uint32_t>(p[2]) << 8 | p[3];
+  return static_cast<uint32_t>(p[0]) << 24 | static_cast<uint32_t>(p[1]) << 16 | static_cast<uint32_t>(p[2]) << 8 |
+         p[3];
 }
 
 void AppendU32(uint32_t value, std::vector<uint8_t>* bytes) {
@@ -109,7 +110,8 @@ bool HubClient::Parse(const std::function<void(std::string_view, std::shared_ptr
         patterns_.push_back(std::move(pattern));
         wants_.clear();
       } else {
-        const auto it = std::find_if(patterns_.begin(), patterns_.end(), [&](const Pattern& x) { return x.text == channel; });
+        const auto it =
+            std::find_if(patterns_.begin(), patterns_.end(), [&](const Pattern& x) { return x.text == channel; });
         if (it != patterns_.end()) patterns_.erase(it);
         wants_.clear();
       }

@@ -20,9 +20,10 @@ struct HubFrame {
   bool best_effort = false;
 };
 
-// The hub's end of one connection: parses what the client sends and holds what is to be sent to it. Wire format, all numbers
-// 32 bits, big-endian: a greeting (magic, version) each way; then PUBLISH (1): channel length, channel, data length, data, in
-// both directions; SUBSCRIBE (2) and UNSUBSCRIBE (3): length and a regular expression, from the client.
+// The hub's end of one connection: parses what the client sends and holds what is to be sent to it. Wire format, all
+// numbers 32 bits, big-endian: a greeting (magic, version) each way; then PUBLISH (1): channel length, channel, data
+// length, data, in both directions; SUBSCRIBE (2) and UNSUBSCRIBE (3): length and a regular expression, from the
+// client.
 class HubClient {
  public:
   HubClient(int fd, int64_t max_message_bytes);
@@ -45,10 +46,10 @@ class HubClient {
   int64_t best_effort_bytes() const { return best_effort_bytes_; }
   bool misbehaved() const { return misbehaved_; }
 
-  bool paused = false;   // not read from: it publishes to a subscriber whose queue is full
-  bool stalled = false;  // misses reliable messages until its queue has drained
+  bool paused = false;                               // not read from: it publishes to a subscriber whose queue is full
+  bool stalled = false;                              // misses reliable messages until its queue has drained
   std::chrono::steady_clock::time_point last_write;  // when it last took something, or had nothing to take
-  uint32_t events = 0;   // what epoll watches for
+  uint32_t events = 0;                               // what epoll watches for
 
  private:
   bool Parse(const std::function<void(std::string_view, std::shared_ptr<const HubFrame>)>& publish);

@@ -19,7 +19,7 @@ namespace {
 constexpr uint32_t kMagic = 0x424f4d4d;
 constexpr size_t kHeader = 12;
 constexpr uint32_t kMaxEntry = 256u << 20;
-constexpr int64_t kNumberBytes = 200;           // more than an entry without payload takes
+constexpr int64_t kNumberBytes = 200;        // more than an entry without payload takes
 constexpr int64_t kCompactBytes = 64 << 20;  // of acknowledged entries at the beginning of the file
 
 uint32_t Crc32(const uint8_t* data, size_t size) {
@@ -86,7 +86,8 @@ std::optional<EncodedRecord> ReadEntry(int fd, int64_t offset, int64_t* size, bo
   *magic_ok = words[0] == kMagic;
   if (!*magic_ok || words[2] > kMaxEntry) return std::nullopt;
   std::vector<uint8_t> body(words[2]);
-  if (pread(fd, body.data(), body.size(), offset + static_cast<int64_t>(kHeader)) != static_cast<ssize_t>(body.size())) {
+  if (pread(fd, body.data(), body.size(), offset + static_cast<int64_t>(kHeader)) !=
+      static_cast<ssize_t>(body.size())) {
     return std::nullopt;
   }
   if (Crc32(body.data(), body.size()) != words[1]) return std::nullopt;
@@ -130,7 +131,8 @@ void Outbox::Load() {
       spdlog::warn("outbox {}: {} bytes at the end are torn and cut off", path_, file_size - offset);
       break;
     }
-    if (!session_.empty() && record->session != session_) throw std::runtime_error("outbox " + path_ + ": holds two sessions");
+    if (!session_.empty() && record->session != session_)
+      throw std::runtime_error("outbox " + path_ + ": holds two sessions");
     session_ = record->session;
     last_seq_ = record->seq;
     offset += size;
@@ -181,8 +183,8 @@ void Outbox::Acknowledge(int64_t seq) {
   }
 }
 
-// An entry without channel and payload says that all up to its seq is acknowledged, so that a frontend that starts again does not
-// use the numbers twice. Written before the rest is cut off: killed in between, the rest is a torn end.
+// An entry without channel and payload says that all up to its seq is acknowledged, so that a frontend that starts
+// again does not use the numbers twice. Written before the rest is cut off: killed in between, the rest is a torn end.
 void Outbox::LeaveOnlyTheNumber() {
   const std::vector<uint8_t> bytes = Serialize({session_, last_seq_, "", {}});
   const auto size = static_cast<int64_t>(bytes.size());
@@ -199,7 +201,8 @@ void Outbox::Compact() {
   int64_t from = begin_, to = 0;
   bool ok = flock(fd, LOCK_EX | LOCK_NB) == 0;
   while (ok && from < end_) {
-    const ssize_t n = pread(fd_, buffer.data(), std::min<size_t>(buffer.size(), static_cast<size_t>(end_ - from)), from);
+    const ssize_t n =
+        pread(fd_, buffer.data(), std::min<size_t>(buffer.size(), static_cast<size_t>(end_ - from)), from);
     ok = n > 0 && pwrite(fd, buffer.data(), static_cast<size_t>(n), to) == n;
     from += n;
     to += n;

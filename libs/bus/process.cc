@@ -23,7 +23,8 @@ void RequestStop(int) { g_stop_requested = 1; }
 void AddProcessOptions(CLI::App* app, ProcessOptions* options) {
   app->add_option("--lcm-url", options->lcm_url,
                   "LCM network, e.g. tcpq://127.0.0.1:7700 (default: $LCM_DEFAULT_URL, else tcpq://127.0.0.1:7700)");
-  app->add_option("--channel-prefix", options->channel_prefix, "put before every channel name, so that runs can share a bus");
+  app->add_option("--channel-prefix", options->channel_prefix,
+                  "put before every channel name, so that runs can share a bus");
   app->add_option("--log-level", options->log_level, "debug, info, warn or error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
       ->capture_default_str();

@@ -8,7 +8,7 @@ namespace mapmend {
 
 // Options every process has: --lcm-url, --channel-prefix, --log-level, --version. Adds them to app.
 struct ProcessOptions {
-  std::string lcm_url;         // as given; pass through ResolveLcmUrl
+  std::string lcm_url;  // as given; pass through ResolveLcmUrl
   std::string channel_prefix;
   std::string log_level = "info";
 };
@@ -16,8 +16,8 @@ void AddProcessOptions(CLI::App* app, ProcessOptions* options);
 // Sends the log to stderr, from the given level on. Call after parsing.
 void ApplyLogLevel(const ProcessOptions& options);
 
-// SIGINT and SIGTERM set a flag instead of killing the process; SIGPIPE is ignored. If the parent is mapmend's launcher (the
-// environment variable MAPMEND_PARENT is set), the process also asks the kernel for SIGTERM when its parent dies.
+// SIGINT and SIGTERM set a flag instead of killing the process; SIGPIPE is ignored. If the parent is mapmend's launcher
+// (the environment variable MAPMEND_PARENT is set), the process also asks the kernel for SIGTERM when its parent dies.
 void InstallSignalHandlers();
 bool StopRequested();
 

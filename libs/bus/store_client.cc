@@ -25,7 +25,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr auto kRetry = std::chrono::milliseconds(500);      // without an answer
+constexpr auto kRetry = std::chrono::milliseconds(500);       // without an answer
 constexpr auto kNotYetRetry = std::chrono::milliseconds(20);  // the store has not committed so far yet
 constexpr size_t kRevisionPartsInFlight = 8;
 
@@ -53,8 +53,8 @@ struct StoreClient::Impl {
                           });
   }
 
-  // Sends the request, again after kRetry, until is_final says that the reply will do. A reply that will not do is asked
-  // for again soon.
+  // Sends the request, again after kRetry, until is_final says that the reply will do. A reply that will not do is
+  // asked for again soon.
   template <typename Request, typename Reply, typename IsFinal>
   std::optional<Reply> Ask(const char* channel, Request request, std::optional<Reply> Impl::*slot, int timeout_ms,
                            IsFinal is_final) {
@@ -93,11 +93,12 @@ StoreClient::StoreClient(Bus* bus, const std::string& requester) : impl_(std::ma
   impl_->Listen(channels::kRevisionFetched, &Impl::revision_fetched);
   impl_->Listen(channels::kSessionClosed, &Impl::session_closed);
   impl_->Listen(channels::kEdgeDecisions, &Impl::edge_decisions);
-  bus->Subscribe<revision_ack_t>(channels::kRevisionAck, Delivery::kKeepAll,
-                                 [impl = impl_.get(), weak = std::weak_ptr<char>(impl_->alive)](const revision_ack_t& ack) {
-                                   if (weak.expired()) return;
-                                   if (ack.revision == impl->storing_revision) impl->unacknowledged.erase(ack.part);
-                                 });
+  bus->Subscribe<revision_ack_t>(
+      channels::kRevisionAck, Delivery::kKeepAll,
+      [impl = impl_.get(), weak = std::weak_ptr<char>(impl_->alive)](const revision_ack_t& ack) {
+        if (weak.expired()) return;
+        if (ack.revision == impl->storing_revision) impl->unacknowledged.erase(ack.part);
+      });
 }
 
 StoreClient::~StoreClient() = default;
@@ -108,7 +109,8 @@ std::optional<bow_result_t> StoreClient::Query(bow_query_t query, int timeout_ms
 }
 
 std::optional<fetched_t> StoreClient::Fetch(fetch_t request, int timeout_ms) {
-  return impl_->Ask(channels::kFetch, std::move(request), &Impl::fetched, timeout_ms, [](const fetched_t&) { return true; });
+  return impl_->Ask(channels::kFetch, std::move(request), &Impl::fetched, timeout_ms,
+                    [](const fetched_t&) { return true; });
 }
 
 std::optional<session_closed_t> StoreClient::CloseSession(const std::string& session, int timeout_ms) {
@@ -118,7 +120,8 @@ std::optional<session_closed_t> StoreClient::CloseSession(const std::string& ses
                     [](const session_closed_t& reply) { return reply.status != session_closed_t::STILL_ALIVE; });
 }
 
-std::optional<edge_decisions_t> StoreClient::DecideEdges(const std::vector<edge_decision_t>& decisions, int timeout_ms) {
+std::optional<edge_decisions_t> StoreClient::DecideEdges(const std::vector<edge_decision_t>& decisions,
+                                                         int timeout_ms) {
   edge_request_t request{};
   request.decisions = decisions;
   request.num_decisions = static_cast<int32_t>(decisions.size());

@@ -18,8 +18,8 @@ class revision_t;
 class revision_part_t;
 class session_closed_t;
 
-// Requests to the store by id, with time-out and retry. Synchronous: each call runs the bus's Handle until the reply is there
-// (so other handlers of the bus run meanwhile and must not call back into the client).
+// Requests to the store by id, with time-out and retry. Synchronous: each call runs the bus's Handle until the reply is
+// there (so other handlers of the bus run meanwhile and must not call back into the client).
 class StoreClient {
  public:
   StoreClient(Bus* bus, const std::string& requester);  // requester: unique on the bus, e.g. "merger-<pid>"
@@ -34,7 +34,8 @@ class StoreClient {
   enum class RevisionStatus { kOk, kNone, kNoAnswer };
   RevisionStatus FetchRevision(int64_t number, revision_t* revision, std::vector<revision_part_t>* parts,
                                int timeout_ms = 10000);
-  // Adds decisions about connections to those that the store holds; returns all of them, in order. nullopt: no answer in time.
+  // Adds decisions about connections to those that the store holds; returns all of them, in order. nullopt: no answer
+  // in time.
   std::optional<edge_decisions_t> DecideEdges(const std::vector<edge_decision_t>& decisions, int timeout_ms = 10000);
   // Ends a session whose frontend died (close_session_t.lcm). nullopt: no answer in time.
   std::optional<session_closed_t> CloseSession(const std::string& session, int timeout_ms = 10000);

@@ -160,8 +160,7 @@ struct StreamConsumer::Impl {
     int num_delivered = 0;
     while (num_delivered < max_records && session->delivered < session->committed) {
       auto it = session->live.find(session->delivered + 1);
-      const bool is_usable =
-          it != session->live.end() && (it->second.is_fetched || it->first <= session->acknowledged);
+      const bool is_usable = it != session->live.end() && (it->second.is_fetched || it->first <= session->acknowledged);
       if (!is_usable) {
         if (!Obtain(session)) break;
         it = session->live.find(session->delivered + 1);

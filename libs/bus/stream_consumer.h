@@ -11,24 +11,24 @@
 
 namespace mapmend {
 
-// Delivers every committed record of every session once, in seq order within a session, sessions oldest first: live from the
-// bus when it arrives in order, fetched from the store otherwise. Sessions already in the store are delivered from seq 0 on
-// start, so a restarted consumer rebuilds its state. A record is delivered only after the store has committed it (its ack was
-// seen or it was fetched), so that downstream never knows more than what survives a crash.
+// Delivers every committed record of every session once, in seq order within a session, sessions oldest first: live
+// from the bus when it arrives in order, fetched from the store otherwise. Sessions already in the store are delivered
+// from seq 0 on start, so a restarted consumer rebuilds its state. A record is delivered only after the store has
+// committed it (its ack was seen or it was fetched), so that downstream never knows more than what survives a crash.
 class StreamConsumer {
  public:
   using Handler = std::function<void(const Record&)>;
   StreamConsumer(Bus* bus, StoreClient* store, Handler handler);
   ~StreamConsumer();
 
-  // Call in the process's loop: dispatches the bus for up to timeout_ms, then delivers what is due (at most max_records, so
-  // that heartbeats go on). Returns the number of records delivered.
+  // Call in the process's loop: dispatches the bus for up to timeout_ms, then delivers what is due (at most
+  // max_records, so that heartbeats go on). Returns the number of records delivered.
   int Spin(int timeout_ms, int max_records = 16);
 
   struct Cursor {
     std::string session;
-    int64_t seq = -1;      // last delivered
-    bool ended = false;    // the session's last record was delivered
+    int64_t seq = -1;    // last delivered
+    bool ended = false;  // the session's last record was delivered
   };
   std::vector<Cursor> Cursors() const;
   int QueueDepth() const;

@@ -25,7 +25,8 @@ using Clock = std::chrono::steady_clock;
 constexpr int kMaxResendMs = 2000;
 
 int64_t WallUs() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+  return std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch())
+      .count();
 }
 
 }  // namespace
@@ -56,12 +57,14 @@ struct StreamSender::Impl {
   std::thread thread;
   std::shared_ptr<char> alive = std::make_shared<char>();  // the bus may outlive us and still have our handler
 
-  Impl(Bus* b, const std::string& s, const StreamSenderOptions& o) : bus(b), session(s), options(o), outbox(o.outbox_path) {
-    if (!IsSessionId(session)) throw std::invalid_argument("session '" + session + "': 1 to 64 letters, digits, - or _");
+  Impl(Bus* b, const std::string& s, const StreamSenderOptions& o)
+      : bus(b), session(s), options(o), outbox(o.outbox_path) {
+    if (!IsSessionId(session))
+      throw std::invalid_argument("session '" + session + "': 1 to 64 letters, digits, - or _");
     if (outbox.Session() != session && outbox.Empty()) return;
     if (outbox.Session() != session) {
-      throw std::runtime_error("outbox " + options.outbox_path + ": still holds records of session " + outbox.Session() +
-                               "; deliver them first");
+      throw std::runtime_error("outbox " + options.outbox_path + ": still holds records of session " +
+                               outbox.Session() + "; deliver them first");
     }
     // A frontend that was killed goes on where its outbox ends.
     last_seq = outbox.LastSeq();
@@ -98,7 +101,9 @@ struct StreamSender::Impl {
     int64_t next = window.empty() ? acknowledged + 1 : window.rbegin()->first + 1;
     while (next <= last_seq && static_cast<int>(window.size()) < options.window) {
       std::optional<EncodedRecord> record = outbox.Read(next);
-      if (!record) throw std::runtime_error("outbox " + options.outbox_path + ": record " + std::to_string(next) + " cannot be read");
+      if (!record)
+        throw std::runtime_error("outbox " + options.outbox_path + ": record " + std::to_string(next) +
+                                 " cannot be read");
       window[next].record = std::move(*record);
       ++next;
     }
@@ -180,7 +185,8 @@ bool StreamSender::Flush(int timeout_ms) {
   int64_t before = impl_->acknowledged;
   auto deadline = Clock::now() + std::chrono::milliseconds(timeout_ms);
   while (impl_->acknowledged < impl_->last_seq) {
-    if (impl_->progress.wait_until(lock, deadline) == std::cv_status::timeout && impl_->acknowledged == before) return false;
+    if (impl_->progress.wait_until(lock, deadline) == std::cv_status::timeout && impl_->acknowledged == before)
+      return false;
     if (impl_->acknowledged > before) {
       before = impl_->acknowledged;
       deadline = Clock::now() + std::chrono::milliseconds(timeout_ms);

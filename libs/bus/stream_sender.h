@@ -13,15 +13,15 @@ struct StreamSenderOptions {
   int resend_after_ms = 20;     // what the store says is missing, not sooner
   int resend_unasked_ms = 500;  // what it says nothing about; grows with repeated attempts
   int heartbeat_ms = 50;
-  std::string outbox_path;      // file that holds what is not acknowledged; empty: memory only
+  std::string outbox_path;  // file that holds what is not acknowledged; empty: memory only
 };
 
-// The frontend's end of the reliable stream: numbers records, keeps them until the store has committed them, sends again.
-// Owns a thread that calls the bus's Handle, so it makes progress while the caller computes. Thread-safe.
+// The frontend's end of the reliable stream: numbers records, keeps them until the store has committed them, sends
+// again. Owns a thread that calls the bus's Handle, so it makes progress while the caller computes. Thread-safe.
 class StreamSender {
  public:
-  // If the outbox holds records of this session (its frontend was killed), numbering goes on after them and they are sent.
-  // Throws std::runtime_error with one line if it holds another session's, or cannot be written.
+  // If the outbox holds records of this session (its frontend was killed), numbering goes on after them and they are
+  // sent. Throws std::runtime_error with one line if it holds another session's, or cannot be written.
   StreamSender(Bus* bus, const std::string& session, const StreamSenderOptions& options);
   ~StreamSender();
 
@@ -40,9 +40,8 @@ class StreamSender {
   std::unique_ptr<Impl> impl_;
 };
 
-// Sends what a killed frontend left in its outbox and waits until it is acknowledged, or timeout_ms have passed without any
-// progress. True if nothing is left.
-// Calls the bus's Handle from a thread of its own meanwhile.
+// Sends what a killed frontend left in its outbox and waits until it is acknowledged, or timeout_ms have passed without
+// any progress. True if nothing is left. Calls the bus's Handle from a thread of its own meanwhile.
 bool DeliverOutbox(Bus* bus, const std::string& path, int timeout_ms);
 
 }  // namespace mapmend

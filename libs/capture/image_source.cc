@@ -16,8 +16,10 @@ namespace {
 
 bool IsImageName(const std::filesystem::path& path) {
   std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return std::tolower(c); });
-  static const std::set<std::string> kKnown = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".webp"};
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  static const std::set<std::string> kKnown = {".jpg", ".jpeg", ".png", ".tif", ".tiff",
+                                               ".bmp", ".pgm",  ".ppm", ".webp"};
   return kKnown.contains(extension);
 }
 
@@ -75,7 +77,8 @@ std::vector<int64_t> ReadTimes(const std::string& path) {
     }
     const int64_t utime = std::llround(seconds * 1e6L);
     if (!times.empty() && utime <= times.back()) {
-      throw std::runtime_error("times file " + path + ": line " + std::to_string(number) + " is not later than the one before");
+      throw std::runtime_error("times file " + path + ": line " + std::to_string(number) +
+                               " is not later than the one before");
     }
     times.push_back(utime);
   }

@@ -30,7 +30,7 @@ class ImageSource : public ImageStream {
   ~ImageSource() override;
 
   std::optional<SourceImage> Next() override;
-  int NumFrames() const { return num_frames_; }     // that Next will give, as announced by the input
+  int NumFrames() const { return num_frames_; }                // that Next will give, as announced by the input
   const std::string& Truncated() const { return truncated_; }  // one line if the input ended before its announced end
 
  private:

@@ -11,12 +11,13 @@ class Mat;
 namespace mapmend {
 
 struct SourceImage {
-  int index = -1;        // in the input, counting also frames left out
+  int index = -1;  // in the input, counting also frames left out
   int64_t utime = 0;
   std::shared_ptr<cv::Mat> pixels;  // 8-bit BGR or grey
 };
 
-// Where images come from, one after the other: a file as fast as it can be read, a file at the pace of its times, a camera.
+// Where images come from, one after the other: a file as fast as it can be read, a file at the pace of its times, a
+// camera.
 class ImageStream {
  public:
   virtual ~ImageStream() = default;

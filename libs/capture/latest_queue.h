@@ -9,8 +9,8 @@
 
 namespace mapmend {
 
-// Between one who cannot wait (a camera) and one who may be busy: holds the newest few, drops the oldest, counts what it dropped.
-// Thread-safe.
+// Between one who cannot wait (a camera) and one who may be busy: holds the newest few, drops the oldest, counts what
+// it dropped. Thread-safe.
 template <typename T>
 class LatestQueue {
  public:

@@ -4,7 +4,8 @@
 
 namespace mapmend {
 
-PacedImages::PacedImages(ImageStream* source, double speed, int max_waiting) : queue_(static_cast<size_t>(max_waiting)) {
+PacedImages::PacedImages(ImageStream* source, double speed, int max_waiting)
+    : queue_(static_cast<size_t>(max_waiting)) {
   thread_ = std::thread([this, source, speed] {
     try {
       Play(source, speed);

@@ -10,8 +10,8 @@
 
 namespace mapmend {
 
-// A file played as a camera would: each image comes when its time has come, whether anybody takes it or not. Whoever is too slow
-// gets the newest images, the others are dropped.
+// A file played as a camera would: each image comes when its time has come, whether anybody takes it or not. Whoever is
+// too slow gets the newest images, the others are dropped.
 class PacedImages : public ImageStream {
  public:
   // source: read in a thread of its own; must outlive this.  speed: times as fast as the images were taken.

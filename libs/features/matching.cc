@@ -62,8 +62,9 @@ void KeepOnePerTarget(std::vector<Match>* matches) {
   std::stable_sort(matches->begin(), matches->end(), [](const Match& l, const Match& r) {
     return std::pair(l.b, l.distance) < std::pair(r.b, r.distance);
   });
-  matches->erase(std::unique(matches->begin(), matches->end(), [](const Match& l, const Match& r) { return l.b == r.b; }),
-                 matches->end());
+  matches->erase(
+      std::unique(matches->begin(), matches->end(), [](const Match& l, const Match& r) { return l.b == r.b; }),
+      matches->end());
   std::sort(matches->begin(), matches->end(), [](const Match& l, const Match& r) { return l.a < r.a; });
 }
 
@@ -133,7 +134,9 @@ FeatureGrid::FeatureGrid(const std::vector<Keypoint>& keypoints, int width, int 
       rows_(std::max(1, (height + cell_size - 1) / cell_size)),
       first_(columns_ * rows_ + 1, 0),
       indices_(keypoints.size()) {
-  const auto cell = [&](const Keypoint& k) { return Cell(k.pixel.y(), rows_) * columns_ + Cell(k.pixel.x(), columns_); };
+  const auto cell = [&](const Keypoint& k) {
+    return Cell(k.pixel.y(), rows_) * columns_ + Cell(k.pixel.x(), columns_);
+  };
   for (const Keypoint& k : keypoints) ++first_[cell(k) + 1];
   std::partial_sum(first_.begin(), first_.end(), first_.begin());
   std::vector<int> next(first_.begin(), first_.end() - 1);
@@ -142,7 +145,8 @@ FeatureGrid::FeatureGrid(const std::vector<Keypoint>& keypoints, int width, int 
 
 // Undistorted pixels may lie outside the image: they go to the border cells.
 int FeatureGrid::Cell(float v, int count) const {
-  return static_cast<int>(std::clamp(std::floor(v / static_cast<float>(cell_size_)), 0.0f, static_cast<float>(count - 1)));
+  return static_cast<int>(
+      std::clamp(std::floor(v / static_cast<float>(cell_size_)), 0.0f, static_cast<float>(count - 1)));
 }
 
 Match FindNear(const Features& features, const FeatureGrid& grid, const Eigen::Vector2f& pixel,
@@ -169,7 +173,8 @@ Match FindNear(const Features& features, const FeatureGrid& grid, const Eigen::V
   });
   // A rival far away in scale is another thing; one of like scale makes the match ambiguous.
   const bool rival = second <= 256 && std::abs(best_octave - second_octave) <= 1;
-  if (best.b >= 0 && (best.distance > search.max_distance || (rival && best.distance >= search.ratio * second))) return {};
+  if (best.b >= 0 && (best.distance > search.max_distance || (rival && best.distance >= search.ratio * second)))
+    return {};
   return best;
 }
 

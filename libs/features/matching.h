@@ -26,8 +26,8 @@ struct MatchOptions {
 std::vector<Match> MatchBruteForce(const Features& a, const Features& b, const MatchOptions& options,
                                    const std::vector<int>& mask_a = {}, const std::vector<int>& mask_b = {});
 
-// Only features of like vocabulary node are compared (BoW-guided, Galvez-Lopez and Tardos 2012): about 50 times cheaper,
-// finds fewer. nodes as from Vocabulary::Transform.
+// Only features of like vocabulary node are compared (BoW-guided, Galvez-Lopez and Tardos 2012): about 50 times
+// cheaper, finds fewer. nodes as from Vocabulary::Transform.
 std::vector<Match> MatchByNodes(const Features& a, const std::vector<int32_t>& nodes_a, const Features& b,
                                 const std::vector<int32_t>& nodes_b, const MatchOptions& options,
                                 const std::vector<int>& mask_a = {}, const std::vector<int>& mask_b = {});
@@ -41,8 +41,8 @@ class FeatureGrid {
   FeatureGrid() = default;
   FeatureGrid(const std::vector<Keypoint>& keypoints, int width, int height, int cell_size = 24);
 
-  // Calls visit(index) for every feature in the cells that touch the square of half-width radius around pixel; the caller
-  // checks the exact distance.
+  // Calls visit(index) for every feature in the cells that touch the square of half-width radius around pixel; the
+  // caller checks the exact distance.
   template <typename Visit>
   void VisitNear(const Eigen::Vector2f& pixel, float radius, Visit visit) const;
   // The same for the cells within margin (pixels) of the segment from p0 to p1, and some beside them.
@@ -57,13 +57,14 @@ class FeatureGrid {
 };
 
 struct GuidedSearch {
-  float radius = 15;       // pixels
+  float radius = 15;  // pixels
   int min_octave = 0, max_octave = 127;
   int max_distance = 64;
-  double ratio = 0.9;      // against the second best of the same or a neighbouring octave; 1: off
+  double ratio = 0.9;  // against the second best of the same or a neighbouring octave; 1: off
 };
 
-// Best match for a descriptor around a predicted pixel, or a = -1 ... b = -1 if none passes. used[i] != 0: skip feature i.
+// Best match for a descriptor around a predicted pixel, or a = -1 ... b = -1 if none passes. used[i] != 0: skip feature
+// i.
 Match FindNear(const Features& features, const FeatureGrid& grid, const Eigen::Vector2f& pixel,
                const Descriptor& descriptor, const GuidedSearch& search, const std::vector<uint8_t>& used);
 
@@ -95,7 +96,8 @@ void FeatureGrid::VisitAlong(const Eigen::Vector2f& p0, const Eigen::Vector2f& p
       if (begin > end) continue;
     }
     const float x_begin = p0.x() + begin * d.x(), x_end = p0.x() + end * d.x();
-    const int x0 = Cell(std::min(x_begin, x_end) - margin, columns_), x1 = Cell(std::max(x_begin, x_end) + margin, columns_);
+    const int x0 = Cell(std::min(x_begin, x_end) - margin, columns_),
+              x1 = Cell(std::max(x_begin, x_end) + margin, columns_);
     for (int k = first_[y * columns_ + x0]; k < first_[y * columns_ + x1 + 1]; ++k) visit(indices_[k]);
   }
 }

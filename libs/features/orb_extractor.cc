@@ -110,8 +110,8 @@ struct ScoreRows {
 };
 
 // Calls found(x, y, score) for the local maxima of the FAST scores above threshold with begin_x <= x < end_x and
-// begin_y <= y < end_y, and row_done(y) after each row. Pixels around the area count too when maxima are sought, so that
-// these do not depend on where the area ends.
+// begin_y <= y < end_y, and row_done(y) after each row. Pixels around the area count too when maxima are sought, so
+// that these do not depend on where the area ends.
 template <typename Found, typename RowDone>
 void FindMaxima(const Level& level, const PatchKernels& kernels, int threshold, int begin_x, int end_x, int begin_y,
                 int end_y, ScoreRows* rows, const Found& found, const RowDone& row_done) {

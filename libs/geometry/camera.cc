@@ -41,8 +41,7 @@ bool Camera::HasDistortion() const {
 
 std::vector<Eigen::Vector2f> Camera::Undistort(const std::vector<Eigen::Vector2f>& pixels) const {
   if (pixels.empty() || !HasDistortion()) return pixels;
-  const cv::Mat source(static_cast<int>(pixels.size()), 1, CV_32FC2,
-                       const_cast<Eigen::Vector2f*>(pixels.data()));
+  const cv::Mat source(static_cast<int>(pixels.size()), 1, CV_32FC2, const_cast<Eigen::Vector2f*>(pixels.data()));
   const cv::Matx33d K(fx, 0, cx, 0, fy, cy, 0, 0, 1);
   cv::Mat target;
   if (model == Model::kPinhole) {

@@ -47,11 +47,12 @@ PnpResult SolvePnpRansac(const Pinhole& camera, const std::vector<Eigen::Vector3
     const int solutions = cv::solveP3P(objects, images, K, cv::noArray(), rotations, translations, cv::SOLVEPNP_AP3P);
     for (int s = 0; s < solutions; ++s) {
       const Eigen::Vector3d w(rotations[s].at<double>(0), rotations[s].at<double>(1), rotations[s].at<double>(2));
-      const Eigen::Vector3d t(translations[s].at<double>(0), translations[s].at<double>(1), translations[s].at<double>(2));
+      const Eigen::Vector3d t(translations[s].at<double>(0), translations[s].at<double>(1),
+                              translations[s].at<double>(2));
       if (!w.allFinite() || !t.allFinite()) continue;
       const double angle = w.norm();
-      const Eigen::Quaterniond q = angle < 1e-12 ? Eigen::Quaterniond::Identity()
-                                                 : Eigen::Quaterniond(Eigen::AngleAxisd(angle, w / angle));
+      const Eigen::Quaterniond q =
+          angle < 1e-12 ? Eigen::Quaterniond::Identity() : Eigen::Quaterniond(Eigen::AngleAxisd(angle, w / angle));
       const Rigid3 pose(q, t);
       const int count = inliers(pose, nullptr);
       if (count <= best.num_inliers) continue;

@@ -10,7 +10,7 @@
 namespace mapmend {
 
 struct PnpOptions {
-  double threshold_px = 4.0;   // of an inlier, at sigma 1
+  double threshold_px = 4.0;  // of an inlier, at sigma 1
   int max_iterations = 300;
   double confidence = 0.999;
   uint64_t seed = 1;
@@ -23,8 +23,9 @@ struct PnpResult {
   int num_inliers = 0;
 };
 
-// Pose of a calibrated camera from points and their pixels, with gross outliers: P3P in a seeded RANSAC (Fischler and Bolles
-// 1981). sigmas scale the threshold per correspondence. The pose is that of the best sample: refine it (OptimizePose).
+// Pose of a calibrated camera from points and their pixels, with gross outliers: P3P in a seeded RANSAC (Fischler and
+// Bolles 1981). sigmas scale the threshold per correspondence. The pose is that of the best sample: refine it
+// (OptimizePose).
 PnpResult SolvePnpRansac(const Pinhole& camera, const std::vector<Eigen::Vector3d>& points,
                          const std::vector<Eigen::Vector2d>& pixels, const std::vector<double>& sigmas,
                          const PnpOptions& options);

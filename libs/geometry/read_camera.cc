@@ -29,7 +29,8 @@ double Number(const std::string& path, const YAML::Node& node, const std::string
 // A number of pixels.
 int Size(const std::string& path, const YAML::Node& node, const std::string& key) {
   const double value = Number(path, node, key);
-  if (value < 1 || value > 65535 || value != std::floor(value)) Fail(path, "key " + key + " is not a number of pixels (1 to 65535)");
+  if (value < 1 || value > 65535 || value != std::floor(value))
+    Fail(path, "key " + key + " is not a number of pixels (1 to 65535)");
   return static_cast<int>(value);
 }
 
@@ -121,7 +122,8 @@ Camera ReadKalibr(const std::string& path, const YAML::Node& cam) {
   return camera;
 }
 
-// OpenCV calibration yaml: camera_matrix, distortion_coefficients (either as !!opencv-matrix or with "data" and rows/cols).
+// OpenCV calibration yaml: camera_matrix, distortion_coefficients (either as !!opencv-matrix or with "data" and
+// rows/cols).
 Camera ReadOpenCv(const std::string& path, const YAML::Node& root) {
   const auto data = [&](const char* key, size_t size) {
     const YAML::Node node = root[key];
@@ -129,7 +131,9 @@ Camera ReadOpenCv(const std::string& path, const YAML::Node& root) {
     if (!node.IsMap() || !node["data"]) Fail(path, std::string("key ") + key + ".data is missing");
     std::vector<double> values;
     for (const auto& entry : node["data"]) values.push_back(Number(path, entry, std::string(key) + ".data"));
-    if (values.size() < size) Fail(path, std::string("key ") + key + ".data needs " + std::to_string(size) + " numbers, it has " + std::to_string(values.size()));
+    if (values.size() < size)
+      Fail(path, std::string("key ") + key + ".data needs " + std::to_string(size) + " numbers, it has " +
+                     std::to_string(values.size()));
     return values;
   };
   Camera camera;
@@ -144,12 +148,15 @@ Camera ReadOpenCv(const std::string& path, const YAML::Node& root) {
   camera.cy = matrix[5];
   if (const YAML::Node fisheye = root["fisheye_model"]) {
     const std::string value = Text(path, fisheye, "fisheye_model");
-    if (value == "1" || value == "true") camera.model = Camera::Model::kFisheye;
-    else if (value != "0" && value != "false") Fail(path, "key fisheye_model is \"" + value + "\"; known are 0 and 1");
+    if (value == "1" || value == "true")
+      camera.model = Camera::Model::kFisheye;
+    else if (value != "0" && value != "false")
+      Fail(path, "key fisheye_model is \"" + value + "\"; known are 0 and 1");
   }
   if (const YAML::Node model = root["distortion_model"]) {
     const std::string value = Text(path, model, "distortion_model");
-    if (value == "equidistant" || value == "fisheye") camera.model = Camera::Model::kFisheye;
+    if (value == "equidistant" || value == "fisheye")
+      camera.model = Camera::Model::kFisheye;
     else if (value != "plumb_bob" && value != "radtan") {
       Fail(path, "key distortion_model is \"" + value + "\"; known are plumb_bob, radtan, equidistant, fisheye");
     }
@@ -157,8 +164,11 @@ Camera ReadOpenCv(const std::string& path, const YAML::Node& root) {
   const auto coefficients = data("distortion_coefficients", 4);
   const size_t count = camera.model == Camera::Model::kFisheye ? 4 : std::min<size_t>(5, coefficients.size());
   for (size_t i = 0; i < coefficients.size(); ++i) {
-    if (i < count) camera.distortion[i] = coefficients[i];
-    else if (coefficients[i] != 0) Fail(path, "key distortion_coefficients.data has more than " + std::to_string(count) + " coefficients; the model is not known");
+    if (i < count)
+      camera.distortion[i] = coefficients[i];
+    else if (coefficients[i] != 0)
+      Fail(path, "key distortion_coefficients.data has more than " + std::to_string(count) +
+                     " coefficients; the model is not known");
   }
   if (root["image_width"]) camera.width = Size(path, root["image_width"], "image_width");
   if (root["image_height"]) camera.height = Size(path, root["image_height"], "image_height");
@@ -183,10 +193,13 @@ Camera ReadColmap(const std::string& path, const std::string& text) {
     for (std::string word; fields >> word;) {
       char* end = nullptr;
       p.push_back(std::strtod(word.c_str(), &end));
-      if (end == word.c_str() || *end != '\0' || !std::isfinite(p.back())) Fail(path, "parameter \"" + word + "\" is not a number");
+      if (end == word.c_str() || *end != '\0' || !std::isfinite(p.back()))
+        Fail(path, "parameter \"" + word + "\" is not a number");
     }
     const auto need = [&](size_t size) {
-      if (p.size() != size) Fail(path, "model " + model + " needs " + std::to_string(size) + " parameters, it has " + std::to_string(p.size()));
+      if (p.size() != size)
+        Fail(path,
+             "model " + model + " needs " + std::to_string(size) + " parameters, it has " + std::to_string(p.size()));
     };
     // COLMAP puts the centre of the first pixel at (0.5, 0.5), OpenCV and mapmend at (0, 0).
     const auto set = [&](double fx, double fy, double cx, double cy) {
@@ -210,13 +223,16 @@ Camera ReadColmap(const std::string& path, const std::string& text) {
       need(8), set(p[0], p[1], p[2], p[3]), std::copy(p.begin() + 4, p.end(), d.begin());
       camera.model = Camera::Model::kFisheye;
     } else {
-      Fail(path, "camera model " + model + " is not known; known are SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, "
-                 "OPENCV, OPENCV_FISHEYE");
+      Fail(path, "camera model " + model +
+                     " is not known; known are SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, "
+                     "OPENCV, OPENCV_FISHEYE");
     }
     return camera;
   }
-  Fail(path, "no camera found; expected an ORB-SLAM, Kalibr or OpenCV yaml, or a line of COLMAP's cameras.txt (CAMERA_ID MODEL WIDTH "
-             "HEIGHT PARAMS...)");
+  Fail(path,
+       "no camera found; expected an ORB-SLAM, Kalibr or OpenCV yaml, or a line of COLMAP's cameras.txt (CAMERA_ID "
+       "MODEL WIDTH "
+       "HEIGHT PARAMS...)");
 }
 
 void CheckCamera(const std::string& path, const Camera& camera) {
@@ -251,8 +267,10 @@ Camera ReadCamera(const std::string& path) {
     root = YAML::Load(yaml);
     is_map = root.IsMap();
   } catch (const YAML::Exception& e) {
-    if (path.ends_with(".txt")) is_map = false;
-    else Fail(path, std::string("is not YAML: ") + e.what());
+    if (path.ends_with(".txt"))
+      is_map = false;
+    else
+      Fail(path, std::string("is not YAML: ") + e.what());
   }
   try {
     if (!is_map) {
@@ -262,8 +280,10 @@ Camera ReadCamera(const std::string& path) {
     } else if (root["camera_matrix"] || root["distortion_coefficients"]) {
       camera = ReadOpenCv(path, root);
     } else {
-      for (const auto& entry : root) any_orb_slam = any_orb_slam || (entry.first.IsScalar() && entry.first.Scalar().starts_with("Camera"));
-      if (!any_orb_slam) Fail(path, "none of the keys Camera.fx (ORB-SLAM), cam0 (Kalibr), camera_matrix (OpenCV) is there");
+      for (const auto& entry : root)
+        any_orb_slam = any_orb_slam || (entry.first.IsScalar() && entry.first.Scalar().starts_with("Camera"));
+      if (!any_orb_slam)
+        Fail(path, "none of the keys Camera.fx (ORB-SLAM), cam0 (Kalibr), camera_matrix (OpenCV) is there");
       camera = ReadOrbSlam(path, root);
     }
   } catch (const YAML::Exception& e) {

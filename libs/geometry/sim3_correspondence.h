@@ -12,10 +12,10 @@ namespace mapmend {
 // A map point of one submap seen in a keyframe of another.
 struct CrossObservation {
   Eigen::Vector3d point = Eigen::Vector3d::Zero();  // frame of the submap that owns the point
-  Rigid3 cam_from_target;      // keyframe of the other ("target") submap
-  Pinhole camera;              // of that keyframe
-  Eigen::Vector2d pixel;       // where it is seen there
-  double sigma = 1;            // standard deviation of the pixel
+  Rigid3 cam_from_target;                           // keyframe of the other ("target") submap
+  Pinhole camera;                                   // of that keyframe
+  Eigen::Vector2d pixel;                            // where it is seen there
+  double sigma = 1;                                 // standard deviation of the pixel
 };
 
 // Observations both ways between two submaps a and b.

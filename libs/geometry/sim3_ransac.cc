@@ -21,8 +21,7 @@ Support Evaluate(const std::vector<PointMatch>& matches, const Similarity3& b_fr
   support.is_inlier.resize(matches.size());
   const Similarity3 a_from_b = b_from_a.Inverse();
   for (size_t i = 0; i < matches.size(); ++i) {
-    const double e =
-        std::max(SquaredError(matches[i].a_in_b, b_from_a), SquaredError(matches[i].b_in_a, a_from_b));
+    const double e = std::max(SquaredError(matches[i].a_in_b, b_from_a), SquaredError(matches[i].b_in_a, a_from_b));
     support.is_inlier[i] = e <= max_squared_error;
     support.num_inliers += support.is_inlier[i];
     support.cost += std::min(e, max_squared_error);

@@ -8,8 +8,8 @@
 
 namespace mapmend {
 
-// A map point of submap a believed to be the same as one of submap b. a_in_b.point is a's point and a_in_b.pixel the feature
-// of b that observes b's point; b_in_a the other way round.
+// A map point of submap a believed to be the same as one of submap b. a_in_b.point is a's point and a_in_b.pixel the
+// feature of b that observes b's point; b_in_a the other way round.
 struct PointMatch {
   CrossObservation a_in_b;
   CrossObservation b_in_a;
@@ -18,9 +18,9 @@ struct PointMatch {
 struct Sim3RansacOptions {
   uint64_t seed = 1;
   int max_iterations = 400;
-  double confidence = 0.999;     // stop once a better model has been missed with less than 1 - confidence
+  double confidence = 0.999;        // stop once a better model has been missed with less than 1 - confidence
   double max_squared_error = 9.21;  // both ways, in sigma^2: 99 % of a chi-square with 2 degrees of freedom
-  double max_scale = 8;          // of b_from_a, and its inverse; beyond it ORB cannot have matched
+  double max_scale = 8;             // of b_from_a, and its inverse; beyond it ORB cannot have matched
   int min_inliers = 4;
 
   // Empty, or what is wrong.
@@ -35,9 +35,9 @@ struct Sim3RansacResult {
   int num_iterations = 0;
 };
 
-// Sim(3) between two submaps from point matches with outliers: minimal samples of three (closed form, Horn), a match is an
-// inlier if it reprojects well in both images; each new best model is fitted again to its inliers. Same input and seed, same
-// result, on every machine with IEEE arithmetic.
+// Sim(3) between two submaps from point matches with outliers: minimal samples of three (closed form, Horn), a match is
+// an inlier if it reprojects well in both images; each new best model is fitted again to its inliers. Same input and
+// seed, same result, on every machine with IEEE arithmetic.
 Sim3RansacResult EstimateSim3(const std::vector<PointMatch>& matches, const Sim3RansacOptions& options);
 
 }  // namespace mapmend

@@ -27,24 +27,26 @@ bool ResidualBInA(const CrossObservation& o, const Similarity3& b_from_a, Eigen:
 
 struct Sim3RefinementOptions {
   int max_iterations = 20;
-  double huber = 2.0;               // sigma; errors beyond it count linearly
-  double max_squared_error = 9.21;  // sigma^2; observations beyond it are dropped after the first round, and counted out
-  int num_rounds = 3;               // refine, drop, refine ...; dropped ones may come back
+  double huber = 2.0;  // sigma; errors beyond it count linearly
+  double max_squared_error =
+      9.21;            // sigma^2; observations beyond it are dropped after the first round, and counted out
+  int num_rounds = 3;  // refine, drop, refine ...; dropped ones may come back
 
   std::string Check() const;
 };
 
 struct Sim3RefinementResult {
-  bool success = false;             // converged on at least four observations that determine all seven parameters
+  bool success = false;  // converged on at least four observations that determine all seven parameters
   Similarity3 b_from_a;
-  Matrix7d information;             // J^T W J at the end, by d: inverse covariance if sigmas are right
+  Matrix7d information;  // J^T W J at the end, by d: inverse covariance if sigmas are right
   std::vector<char> inlier_a_in_b, inlier_b_in_a;
   int num_inliers = 0;
-  double median_error_px = 0;       // of the inliers
+  double median_error_px = 0;               // of the inliers
   double initial_cost = 0, final_cost = 0;  // robust, of the inliers, before and after
 };
 
-// Least-squares similarity on the reprojection errors both ways, Huber loss, Levenberg-Marquardt with analytic Jacobians.
+// Least-squares similarity on the reprojection errors both ways, Huber loss, Levenberg-Marquardt with analytic
+// Jacobians.
 Sim3RefinementResult RefineSim3(const CrossObservations& observations, const Similarity3& initial,
                                 const Sim3RefinementOptions& options);
 

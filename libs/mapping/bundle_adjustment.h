@@ -7,7 +7,8 @@
 #include "libs/geometry/rigid3.h"
 
 // Bundle adjustment: poses and points that minimise sum rho(|project(cam_from_world * point) - pixel|^2 / sigma^2).
-// Ceres, Levenberg-Marquardt with a Schur complement, analytic Jacobians, one thread (so the result is bit-reproducible).
+// Ceres, Levenberg-Marquardt with a Schur complement, analytic Jacobians, one thread (so the result is
+// bit-reproducible).
 namespace mapmend {
 
 struct BundlePose {
@@ -25,18 +26,19 @@ struct BundleObservation {
 
 struct BundleProblem {
   std::vector<Pinhole> cameras;
-  std::vector<BundlePose> poses;          // at least one fixed, or the gauge is left to the damping; scale needs two
-  std::vector<Eigen::Vector3d> points;    // world frame
+  std::vector<BundlePose> poses;        // at least one fixed, or the gauge is left to the damping; scale needs two
+  std::vector<Eigen::Vector3d> points;  // world frame
   std::vector<BundleObservation> observations;
 };
 
 struct BundleOptions {
   int max_iterations = 10;
-  double huber = 2.4477;             // sqrt of chi2(2 dof, 95 %): in units of sigma
+  double huber = 2.4477;  // sqrt of chi2(2 dof, 95 %): in units of sigma
   double function_tolerance = 1e-5;
-  int points_per_pose = 0;           // 0: all. Else poses follow from about so many points each, and the other points from the poses
-  double initial_trust_radius = 1e4; // of Levenberg-Marquardt: larger, and the first steps are those of Gauss-Newton
-  double max_seconds = 0;            // 0: no bound. A bound makes the result depend on the machine: live use only.
+  int points_per_pose =
+      0;  // 0: all. Else poses follow from about so many points each, and the other points from the poses
+  double initial_trust_radius = 1e4;  // of Levenberg-Marquardt: larger, and the first steps are those of Gauss-Newton
+  double max_seconds = 0;             // 0: no bound. A bound makes the result depend on the machine: live use only.
 };
 
 struct BundleSummary {

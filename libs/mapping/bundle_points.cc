@@ -45,7 +45,8 @@ PointSystem Linearize(const BundleProblem& problem, const std::vector<Eigen::Mat
     const Eigen::Vector2d r = (camera.Project(x) - o.pixel) * inverse_sigma;
     const double norm = r.norm(), weight = norm <= huber ? 1 : huber / norm;
     system.cost += norm <= huber ? norm * norm : 2 * huber * norm - huber * huber;
-    const Eigen::Matrix<double, 2, 3> J = (ProjectionJacobian(camera, x) * inverse_sigma).lazyProduct(rotations[o.pose]);
+    const Eigen::Matrix<double, 2, 3> J =
+        (ProjectionJacobian(camera, x) * inverse_sigma).lazyProduct(rotations[o.pose]);
     system.hessian.noalias() += weight * J.transpose().lazyProduct(J);
     system.gradient.noalias() += weight * J.transpose().lazyProduct(r);
   }
@@ -59,7 +60,8 @@ std::vector<uint8_t> ChooseBundlePoints(const BundleProblem& problem, int per_po
   const ObservationsByPoint by_point(problem);
   std::vector<int> order(problem.points.size());
   std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](int l, int r) { return by_point.Of(l).size() > by_point.Of(r).size(); });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int l, int r) { return by_point.Of(l).size() > by_point.Of(r).size(); });
   std::vector<int> held(problem.poses.size() * kColumns * kRows, 0);  // chosen points of each cell
   std::vector<uint8_t> chosen(problem.points.size(), 0);
   for (const int p : order) {

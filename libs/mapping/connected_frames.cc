@@ -13,8 +13,8 @@
 namespace mapmend {
 namespace {
 
-CrossObservation MakeObservation(const Eigen::Vector3d& point, const SubmapView& target,
-                                 const SubmapKeyframe& keyframe, int feature) {
+CrossObservation MakeObservation(const Eigen::Vector3d& point, const SubmapView& target, const SubmapKeyframe& keyframe,
+                                 int feature) {
   const Keypoint& keypoint = keyframe.features.keypoints[feature];
   return {point, keyframe.cam_from_submap, target.camera, keypoint.pixel.cast<double>(),
           target.pyramid.Sigma(keypoint.octave)};
@@ -40,7 +40,8 @@ WindowAppearance Describe(const SubmapView& view, const KeyframeWindow& window) 
   return result;
 }
 
-// One side of a pair: the keyframe asked about first, then its window. Appearances and grids are made when they are needed.
+// One side of a pair: the keyframe asked about first, then its window. Appearances and grids are made when they are
+// needed.
 struct Side {
   SubmapView view;
   KeyframeWindow window;
@@ -79,9 +80,9 @@ GuidedMatches SearchWindow(const Side& source, const Similarity3& target_from_so
   for (size_t j = 0; j < target.grids.size(); ++j) {
     const SubmapKeyframe& keyframe = *target.window[j];
     const Similarity3 cam_from_source = Similarity3(keyframe.cam_from_submap) * target_from_source;
-    const ProjectionMatches found = FindByProjection(source.appearance.points, source.appearance.rotations, cam_from_source,
-                                                     target.view.camera, target.view.pyramid, keyframe.features,
-                                                     target.grids[j], search);
+    const ProjectionMatches found =
+        FindByProjection(source.appearance.points, source.appearance.rotations, cam_from_source, target.view.camera,
+                         target.view.pyramid, keyframe.features, target.grids[j], search);
     for (const ProjectionMatch& m : found.matches) {
       const MapPointId point = source.appearance.points[m.appearance].id;
       if (same_submap && keyframe.map_points[m.feature] == point) continue;
@@ -125,7 +126,8 @@ std::vector<T> Select(const std::vector<T>& all, const std::vector<char>& keep) 
 }
 
 // Pairs of map points that the inliers identify, each point in at most one pair.
-std::vector<std::pair<MapPointId, MapPointId>> CommonPoints(const ConnectedFrames& c, const Submap& a, const Submap& b) {
+std::vector<std::pair<MapPointId, MapPointId>> CommonPoints(const ConnectedFrames& c, const Submap& a,
+                                                            const Submap& b) {
   std::map<std::pair<MapPointId, MapPointId>, int> votes;
   for (const CrossMatch& m : c.a_in_b) {
     const MapPointId other = b.keyframes.at(m.keyframe).map_points[m.feature];
@@ -154,15 +156,16 @@ int ZoomedWindow(double zoom, const ConnectedFramesOptions& options) {
   return std::min(options.max_window_size, static_cast<int>(std::lround(options.window_size * std::max(1.0, zoom))));
 }
 
-// In each of two images of which the one shows things so many times larger than the other: that shows a small part of the other's
-// ground, and little that it resolves.
+// In each of two images of which the one shows things so many times larger than the other: that shows a small part of
+// the other's ground, and little that it resolves.
 int CellsNeeded(double zoom, const ConnectedFramesOptions& options) {
   const int share = static_cast<int>(std::lround(2 * options.min_cells / std::max(zoom, 1 / zoom)));
   return std::min(options.min_cells, std::max(options.min_cells_of_zoomed, share));
 }
 
 // From matches that agree in scale and turn to a transform, and what speaks for it.
-ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* sides, const ConnectedFramesOptions& options) {
+ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* sides,
+                              const ConnectedFramesOptions& options) {
   Side &side_a = sides->a, &side_b = sides->b;
   const SubmapView &a = side_a.view, &b = side_b.view;
   const SubmapKeyframe &frame_a = *side_a.window[0], &frame_b = *side_b.window[0];
@@ -170,9 +173,8 @@ ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* si
   result.num_matches = static_cast<int>(matches.size());
   std::vector<PointMatch> point_matches;
   for (const PooledMatch& m : matches) {
-    point_matches.push_back(
-        {MakeObservation(a.submap->points.at(m.point_a).position, b, *m.keyframe_b, m.feature_b),
-         MakeObservation(b.submap->points.at(m.point_b).position, a, *m.keyframe_a, m.feature_a)});
+    point_matches.push_back({MakeObservation(a.submap->points.at(m.point_a).position, b, *m.keyframe_b, m.feature_b),
+                             MakeObservation(b.submap->points.at(m.point_b).position, a, *m.keyframe_a, m.feature_a)});
   }
   const Sim3RansacResult ransac = EstimateSim3(point_matches, options.ransac);
   result.num_ransac_inliers = ransac.num_inliers;
@@ -193,8 +195,8 @@ ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* si
     if (refined.success) b_from_a = refined.b_from_a;
   }
 
-  // Guided matching with the transform and refinement on what it finds, again and again: each search is narrower and better aimed.
-  // Few seeds aim badly.
+  // Guided matching with the transform and refinement on what it finds, again and again: each search is narrower and
+  // better aimed. Few seeds aim badly.
   side_a.Prepare(options.num_searched);
   side_b.Prepare(options.num_searched);
   std::vector<double> factors = {1.0, 0.5};
@@ -218,7 +220,7 @@ ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* si
     }
     b_from_a = refined.b_from_a;
     zoom = b_from_a.scale * MedianDepth(*a.submap, frame_a) * b.camera.fx /
-                        (MedianDepth(*b.submap, frame_b) * a.camera.fx);
+           (MedianDepth(*b.submap, frame_b) * a.camera.fx);
     result.wanted = {ZoomedWindow(1 / zoom, options), ZoomedWindow(zoom, options)};
     result.a_in_b = Select(in_b.matches, refined.inlier_a_in_b);
     result.b_in_a = Select(in_a.matches, refined.inlier_b_in_a);
@@ -233,12 +235,14 @@ ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* si
   result.match_rate = num_expected > 0 ? static_cast<double>(num_found) / num_expected : 0;
   result.common_points = CommonPoints(result, *a.submap, *b.submap);
   std::vector<Eigen::Vector3d> common_in_b;
-  for (const auto& [point_a, point_b] : result.common_points) common_in_b.push_back(b.submap->points.at(point_b).position);
-  result.median_angle_rad =
-      MedianIntersectionAngle(b_from_a * frame_a.cam_from_submap.Center(), frame_b.cam_from_submap.Center(), common_in_b);
+  for (const auto& [point_a, point_b] : result.common_points)
+    common_in_b.push_back(b.submap->points.at(point_b).position);
+  result.median_angle_rad = MedianIntersectionAngle(b_from_a * frame_a.cam_from_submap.Center(),
+                                                    frame_b.cam_from_submap.Center(), common_in_b);
 
   const int each_way = static_cast<int>(std::min(result.a_in_b.size(), result.b_in_a.size()));
-  const int cells = std::min(CountCells(result.b_in_a, frame_a, a.camera), CountCells(result.a_in_b, frame_b, b.camera));
+  const int cells =
+      std::min(CountCells(result.b_in_a, frame_a, a.camera), CountCells(result.a_in_b, frame_b, b.camera));
   const int cells_needed = CellsNeeded(zoom, options);
   const double scale = std::max(b_from_a.scale, 1 / b_from_a.scale);
   Thin(options.max_kept, &result.a_in_b);
@@ -250,21 +254,22 @@ ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* si
     result.reason = Format("%d inliers, but only %zu map points in common (%d needed)", result.num_inliers,
                            result.common_points.size(), options.min_common_points);
   } else if (cells < cells_needed) {
-    result.reason = Format("the %d inliers cover only %d of 48 image cells (%d needed)", result.num_inliers, cells,
-                           cells_needed);
+    result.reason =
+        Format("the %d inliers cover only %d of 48 image cells (%d needed)", result.num_inliers, cells, cells_needed);
   } else if (result.match_rate < options.min_match_rate) {
     result.reason = Format("only %.0f %% of the %d map points that should be seen are found (%.0f %% needed)",
                            100 * result.match_rate, num_expected, 100 * options.min_match_rate);
   } else if (result.median_error_px > options.max_median_error) {
-    result.reason = Format("median reprojection error %.1f px (at most %.1f)", result.median_error_px,
-                           options.max_median_error);
+    result.reason =
+        Format("median reprojection error %.1f px (at most %.1f)", result.median_error_px, options.max_median_error);
   } else if (scale > options.max_scale) {
-    result.reason = Format("the submaps' scales would differ by a factor of %.1f (at most %.1f)", scale, options.max_scale);
+    result.reason =
+        Format("the submaps' scales would differ by a factor of %.1f (at most %.1f)", scale, options.max_scale);
   } else {
     result.success = true;
-    result.reason = Format("%d reprojections agree (median %.2f px, %.0f %% of those expected), %zu common points, %d cells",
-                           result.num_inliers, result.median_error_px, 100 * result.match_rate,
-                           result.common_points.size(), cells);
+    result.reason =
+        Format("%d reprojections agree (median %.2f px, %.0f %% of those expected), %zu common points, %d cells",
+               result.num_inliers, result.median_error_px, 100 * result.match_rate, result.common_points.size(), cells);
   }
   return result;
 }
@@ -272,7 +277,8 @@ ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* si
 }  // namespace
 
 std::string ConnectedFramesOptions::Check() const {
-  if (window_size < 1 || num_searched < 1 || max_kept < 1) return "window_size, num_searched, max_kept must be positive";
+  if (window_size < 1 || num_searched < 1 || max_kept < 1)
+    return "window_size, num_searched, max_kept must be positive";
   if (min_matches < 3) return "min_matches must be 3 or more";
   if (!(search_radius > 0)) return "search_radius must be positive";
   if (!(max_scale >= 1)) return "max_scale must be 1 or more";
@@ -314,16 +320,19 @@ CrossObservations ResolveMatches(const SubmapView& a, const SubmapView& b, const
 double MedianErrorPx(const CrossObservations& observations, const Similarity3& b_from_a) {
   const Similarity3 a_from_b = b_from_a.Inverse();
   std::vector<double> errors;
-  for (const CrossObservation& o : observations.a_in_b) errors.push_back(o.sigma * std::sqrt(SquaredError(o, b_from_a)));
-  for (const CrossObservation& o : observations.b_in_a) errors.push_back(o.sigma * std::sqrt(SquaredError(o, a_from_b)));
+  for (const CrossObservation& o : observations.a_in_b)
+    errors.push_back(o.sigma * std::sqrt(SquaredError(o, b_from_a)));
+  for (const CrossObservation& o : observations.b_in_a)
+    errors.push_back(o.sigma * std::sqrt(SquaredError(o, a_from_b)));
   if (errors.empty()) return std::numeric_limits<double>::infinity();
   const auto middle = errors.begin() + static_cast<long>(errors.size() / 2);
   std::nth_element(errors.begin(), middle, errors.end());
   return *middle;
 }
 
-ConnectedFrames VerifyConnectedFrames(const SubmapView& a, KeyframeId keyframe_a, const SubmapView& b, KeyframeId keyframe_b,
-                                      const ConnectedFramesOptions& options, const WindowSizes& sizes) {
+ConnectedFrames VerifyConnectedFrames(const SubmapView& a, KeyframeId keyframe_a, const SubmapView& b,
+                                      KeyframeId keyframe_b, const ConnectedFramesOptions& options,
+                                      const WindowSizes& sizes) {
   ConnectedFrames result;
   result.keyframe_a = keyframe_a;
   result.keyframe_b = keyframe_b;

@@ -18,9 +18,9 @@ struct PointAppearance {
   Eigen::Vector3d position;  // frame of its owner
   Descriptor descriptor;
   int octave = 0;
-  float angle = 0;           // keypoint orientation in the source keyframe
-  double size = 0;           // Scale(octave) * depth / f of the source keyframe: patch size in units of the owner's frame
-  int source = -1;           // index of the source keyframe, chosen by the caller
+  float angle = 0;  // keypoint orientation in the source keyframe
+  double size = 0;  // Scale(octave) * depth / f of the source keyframe: patch size in units of the owner's frame
+  int source = -1;  // index of the source keyframe, chosen by the caller
 };
 
 // What one keyframe (index `source`) knows of the map points it observes.
@@ -28,12 +28,12 @@ void AppendAppearances(const SubmapView& view, const SubmapKeyframe& keyframe, i
                        std::vector<PointAppearance>* appearances);
 
 struct ProjectionSearchOptions {
-  double radius = 10;          // pixels at octave 0; grows with the predicted octave
-  int max_distance = 64;       // bits
+  double radius = 10;     // pixels at octave 0; grows with the predicted octave
+  int max_distance = 64;  // bits
   double ratio = 0.9;
   int octave_tolerance = 2;
-  double max_turn = 0.52;      // radians, orientation against prediction; pi: off
-  double border = 0;           // pixels outside the image still counted as visible
+  double max_turn = 0.52;  // radians, orientation against prediction; pi: off
+  double border = 0;       // pixels outside the image still counted as visible
 };
 
 struct ProjectionMatch {
@@ -44,8 +44,8 @@ struct ProjectionMatch {
 
 struct ProjectionMatches {
   std::vector<ProjectionMatch> matches;  // at most one per feature and per appearance
-  int num_visible = 0;                   // points predicted inside the image at an octave of the pyramid, give or take one
-  int num_reachable = 0;                 // features in those parts of the image, at octaves searched there
+  int num_visible = 0;    // points predicted inside the image at an octave of the pyramid, give or take one
+  int num_reachable = 0;  // features in those parts of the image, at octaves searched there
 };
 
 // Finds map points in a keyframe in which they are predicted: projection, octave and orientation must fit, then the

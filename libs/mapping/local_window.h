@@ -23,7 +23,8 @@ struct CovisibleKeyframe {
 std::vector<CovisibleKeyframe> FindCovisible(const Submap& submap, const SubmapKeyframe& keyframe, int min_shared);
 
 // The keyframe itself, then its size - 1 most covisible ones.
-std::vector<const SubmapKeyframe*> LocalWindow(const Submap& submap, KeyframeId keyframe, int size, int min_shared = 15);
+std::vector<const SubmapKeyframe*> LocalWindow(const Submap& submap, KeyframeId keyframe, int size,
+                                               int min_shared = 15);
 
 // Median depth of the map points that the keyframe observes, submap units; 0 if it observes none.
 double MedianDepth(const Submap& submap, const SubmapKeyframe& keyframe);

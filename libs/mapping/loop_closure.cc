@@ -73,8 +73,8 @@ Drift MeasureDrift(const Submap& submap, const ConnectedFrames& loop) {
 std::string WhyImplausible(const Drift& drift, const LoopClosureOptions& o) {
   const double max_gap = o.gap + o.gap_per_distance * drift.way;
   if (drift.gap > max_gap) {
-    return Format("tracking would be off by %.2f viewing distances after a way of %.1f (at most %.2f)", drift.gap, drift.way,
-                  max_gap);
+    return Format("tracking would be off by %.2f viewing distances after a way of %.1f (at most %.2f)", drift.gap,
+                  drift.way, max_gap);
   }
   const double max_log_scale = o.log_scale + o.log_scale_per_distance * drift.way;
   if (drift.log_scale > max_log_scale) {
@@ -125,7 +125,8 @@ class LoopCloser {
     for (const int i : measured) {
       const int a = relations_[i].a, b = relations_[i].b;
       // How the ground about each end has moved.
-      const Similarity3 moved_a = world_from_cam[a] * cam_from_submap_[a], moved_b = world_from_cam[b] * cam_from_submap_[b];
+      const Similarity3 moved_a = world_from_cam[a] * cam_from_submap_[a],
+                        moved_b = world_from_cam[b] * cam_from_submap_[b];
       left.push_back(solved ? MedianErrorPx(observations_[i], moved_b.Inverse() * moved_a)
                             : std::numeric_limits<double>::infinity());
     }
@@ -191,8 +192,8 @@ double LargestMedian(const std::vector<Place>& places, const std::vector<double>
 
 std::string LoopClosureOptions::Check() const {
   if (!(closed_px > 0) || !(agreement_px > 0) || !(max_left_px > 0)) return "the limits in pixels must be positive";
-  if (!(gap >= 0) || !(gap_per_distance >= 0) || !(log_scale >= 0) || !(log_scale_per_distance >= 0) || !(turn_deg >= 0) ||
-      !(turn_deg_per_distance >= 0)) {
+  if (!(gap >= 0) || !(gap_per_distance >= 0) || !(log_scale >= 0) || !(log_scale_per_distance >= 0) ||
+      !(turn_deg >= 0) || !(turn_deg_per_distance >= 0)) {
     return "the limits of drift must not be negative";
   }
   return "";
@@ -200,8 +201,10 @@ std::string LoopClosureOptions::Check() const {
 
 bool LoopsAgree(const SubmapView& view, const ConnectedFrames& first, const ConnectedFrames& second,
                 const LoopClosureOptions& options) {
-  return MedianErrorPx(ResolveMatches(view, view, first.a_in_b, first.b_in_a), second.b_from_a) <= options.agreement_px &&
-         MedianErrorPx(ResolveMatches(view, view, second.a_in_b, second.b_in_a), first.b_from_a) <= options.agreement_px;
+  return MedianErrorPx(ResolveMatches(view, view, first.a_in_b, first.b_in_a), second.b_from_a) <=
+             options.agreement_px &&
+         MedianErrorPx(ResolveMatches(view, view, second.a_in_b, second.b_in_a), first.b_from_a) <=
+             options.agreement_px;
 }
 
 std::vector<int> FindLoneLoops(const SubmapView& view, const std::vector<ConnectedFrames>& loops,
@@ -238,8 +241,10 @@ LoopJudgement JudgeLoops(const SubmapView& view, const std::vector<ConnectedFram
       continue;
     }
     const std::string why = WhyImplausible(MeasureDrift(*view.submap, loops[i]), options);
-    if (why.empty()) candidates.push_back(i);
-    else refuse(i, LoopVerdict::kImplausible, why);
+    if (why.empty())
+      candidates.push_back(i);
+    else
+      refuse(i, LoopVerdict::kImplausible, why);
   }
   std::vector<Place> places = GroupLoops(view, loops, ends, candidates, options);
   std::erase_if(places, [&](const Place& place) {
@@ -262,7 +267,8 @@ LoopJudgement JudgeLoops(const SubmapView& view, const std::vector<ConnectedFram
     const std::vector<int> all = AllLoops(places);
     judgement.left_px = LargestMedian(places, closer.LeftOpen(all, all));
     if (judgement.left_px > options.max_left_px) {
-      // Some are wrong. One by one, strongest first: a place that cannot be closed together with those before is refused.
+      // Some are wrong. One by one, strongest first: a place that cannot be closed together with those before is
+      // refused.
       std::vector<Place> kept;
       for (const Place& place : places) {
         std::vector<Place> with = kept;
@@ -289,8 +295,8 @@ LoopJudgement JudgeLoops(const SubmapView& view, const std::vector<ConnectedFram
   if (num_used == 0) {
     judgement.reason = judgement.reasons[0];
   } else if (!judgement.is_needed) {
-    judgement.reason = Format("%d pairs of keyframes at %d places, closed within %.1f px as they are: nothing to gain", num_used,
-                              judgement.num_places, judgement.gap_px);
+    judgement.reason = Format("%d pairs of keyframes at %d places, closed within %.1f px as they are: nothing to gain",
+                              num_used, judgement.num_places, judgement.gap_px);
   } else {
     judgement.reason = Format("%d pairs of keyframes at %d places; a gap of %.1f px falls to %.1f px", num_used,
                               judgement.num_places, std::min(judgement.gap_px, 99999.0), judgement.left_px);

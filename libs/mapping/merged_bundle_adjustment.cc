@@ -70,7 +70,8 @@ std::vector<char> SelectPoints(const MergedMap& map, int per_keyframe) {
   std::vector<int> count(map.keyframes.size(), 0);
   for (const int i : order) {
     const auto& track = map.points[i].track;
-    if (std::none_of(track.begin(), track.end(), [&](const TrackElement& e) { return count[e.keyframe] < per_keyframe; })) {
+    if (std::none_of(track.begin(), track.end(),
+                     [&](const TrackElement& e) { return count[e.keyframe] < per_keyframe; })) {
       continue;
     }
     selected[i] = 1;
@@ -125,14 +126,17 @@ void MeasureScales(MergedMap* map) {
   }
 }
 
-MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMap* map, const std::vector<int>* window) {
+MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMap* map,
+                                    const std::vector<int>* window) {
   MergedBundleSummary summary;
-  std::vector<char> is_free(map->keyframes.size(), window == nullptr), is_touched(map->points.size(), window == nullptr);
+  std::vector<char> is_free(map->keyframes.size(), window == nullptr),
+      is_touched(map->points.size(), window == nullptr);
   if (window) {
     for (const int k : *window) is_free[k] = 1;
     for (size_t i = 0; i < is_touched.size(); ++i) {
       const auto& track = map->points[i].track;
-      is_touched[i] = std::any_of(track.begin(), track.end(), [&](const TrackElement& e) { return is_free[e.keyframe]; });
+      is_touched[i] =
+          std::any_of(track.begin(), track.end(), [&](const TrackElement& e) { return is_free[e.keyframe]; });
     }
   }
   is_free[0] = 0;

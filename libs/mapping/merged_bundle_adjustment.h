@@ -17,14 +17,15 @@ struct MergedBundleSummary {
   bool success = false;
   int num_points = 0, num_observations = 0;  // in the joint solution
   int num_iterations = 0;
-  int num_removed = 0;                       // outlier observations
+  int num_removed = 0;  // outlier observations
   double initial_cost = 0, final_cost = 0;
 };
 
-// Bundle adjustment of a merged map: all poses but keyframe 0, all points. With a window (keyframes), the poses of its keyframes and
-// the points they see; everything else stays. Then outliers are removed, points left with fewer
-// than two observations are culled, and each keyframe's scale is measured anew.
-MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMap* map, const std::vector<int>* window = nullptr);
+// Bundle adjustment of a merged map: all poses but keyframe 0, all points. With a window (keyframes), the poses of its
+// keyframes and the points they see; everything else stays. Then outliers are removed, points left with fewer than two
+// observations are culled, and each keyframe's scale is measured anew.
+MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMap* map,
+                                    const std::vector<int>* window = nullptr);
 
 // Fits every point to the poses as they are (Gauss-Newton, Huber); a point that would end behind a camera stays.
 void RefinePoints(MergedMap* map, const std::vector<char>* only = nullptr);

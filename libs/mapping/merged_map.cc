@@ -66,8 +66,10 @@ bool FusePoints(int into, int from, MergedMap* map) {
   if (into == from || a.track.empty() || b.track.empty()) return false;
   for (size_t i = 0, j = 0; i < a.track.size() && j < b.track.size();) {
     if (a.track[i].keyframe == b.track[j].keyframe) return false;
-    if (a.track[i].keyframe < b.track[j].keyframe) ++i;
-    else ++j;
+    if (a.track[i].keyframe < b.track[j].keyframe)
+      ++i;
+    else
+      ++j;
   }
   const double wa = static_cast<double>(a.track.size()), wb = static_cast<double>(b.track.size());
   a.position = (wa * a.position + wb * b.position) / (wa + wb);

@@ -7,15 +7,15 @@
 #include "libs/geometry/similarity3.h"
 #include "libs/mapping/local_window.h"
 
-// The merged map of one component: keyframes and points of all its submaps in the frame of the root. It refers to the raw
-// submaps, which never change.
+// The merged map of one component: keyframes and points of all its submaps in the frame of the root. It refers to the
+// raw submaps, which never change.
 namespace mapmend {
 
 struct MergedKeyframe {
-  int submap = -1;                    // index into MergedMap::submaps
+  int submap = -1;  // index into MergedMap::submaps
   const SubmapKeyframe* keyframe = nullptr;
   Rigid3 cam_from_root;
-  double scale = 1;                   // length of one submap unit near this keyframe, root units
+  double scale = 1;  // length of one submap unit near this keyframe, root units
 
   // x_root = root_from_cam * x_cam with x_cam in submap units.
   Similarity3 RootFromCam() const {
@@ -33,14 +33,14 @@ struct TrackElement {
 // A map point of the merged map: one or, after fusion, several map points of the submaps.
 struct MergedPoint {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // root frame
-  std::vector<TrackElement> track;                     // ascending, at most one per keyframe; empty: fused away or culled
-  std::vector<std::pair<int, MapPointId>> members;     // (submap index, id), ascending: the first is the oldest
+  std::vector<TrackElement> track;                  // ascending, at most one per keyframe; empty: fused away or culled
+  std::vector<std::pair<int, MapPointId>> members;  // (submap index, id), ascending: the first is the oldest
 };
 
 struct MergedMap {
-  std::vector<SubmapView> submaps;       // oldest first; 0 is the root
-  std::vector<MergedKeyframe> keyframes; // by submap, then id
-  std::vector<MergedPoint> points;       // by submap, then id, before fusion
+  std::vector<SubmapView> submaps;                 // oldest first; 0 is the root
+  std::vector<MergedKeyframe> keyframes;           // by submap, then id
+  std::vector<MergedPoint> points;                 // by submap, then id, before fusion
   std::vector<std::vector<int>> point_of_feature;  // per keyframe and feature: index into points, -1 without
 
   const Pinhole& CameraOf(int keyframe) const { return submaps[keyframes[keyframe].submap].camera; }
@@ -54,12 +54,12 @@ struct MergedMap {
 // Puts every submap in place as it is.
 MergedMap MakeMergedMap(const std::vector<SubmapView>& submaps, const std::vector<Similarity3>& root_from_submap);
 
-// Makes the points follow their keyframes after the poses have changed: each point keeps its place in the camera frame of the
-// keyframe that saw it first.
+// Makes the points follow their keyframes after the poses have changed: each point keeps its place in the camera frame
+// of the keyframe that saw it first.
 void MovePointsWithKeyframes(const std::vector<MergedKeyframe>& before, MergedMap* map);
 
-// Fuses point `from` into point `into` if no keyframe sees both at different features; else nothing changes and false is
-// returned. The position becomes the mean, weighted by track length.
+// Fuses point `from` into point `into` if no keyframe sees both at different features; else nothing changes and false
+// is returned. The position becomes the mean, weighted by track length.
 bool FusePoints(int into, int from, MergedMap* map);
 
 // Adds an observation to a point unless its keyframe sees the point already, or the feature sees another point.

@@ -19,7 +19,8 @@ std::vector<PoseGraphEdge> Relations(const MergedMap& map, const std::vector<Ref
     first += static_cast<int>(map.submaps[s].submap->keyframes.size());
   }
   for (const RefinementLink& link : links) {
-    const int a = map.FindKeyframe(link.submap_a, link.keyframe_a), b = map.FindKeyframe(link.submap_b, link.keyframe_b);
+    const int a = map.FindKeyframe(link.submap_a, link.keyframe_a),
+              b = map.FindKeyframe(link.submap_b, link.keyframe_b);
     if (a < 0 || b < 0) continue;  // culled since
     edges.push_back(VerifiedRelation(*map.submaps[link.submap_a].submap, link.keyframe_a, a,
                                      *map.submaps[link.submap_b].submap, link.keyframe_b, b, link.b_from_a));
@@ -28,7 +29,8 @@ std::vector<PoseGraphEdge> Relations(const MergedMap& map, const std::vector<Ref
   return edges;
 }
 
-PoseGraphSummary SolvePoseGraph(const std::vector<PoseGraphEdge>& edges, const PoseGraphOptions& options, MergedMap* map) {
+PoseGraphSummary SolvePoseGraph(const std::vector<PoseGraphEdge>& edges, const PoseGraphOptions& options,
+                                MergedMap* map) {
   std::vector<Similarity3> vertices;
   for (const MergedKeyframe& k : map->keyframes) vertices.push_back(k.RootFromCam());
   const PoseGraphSummary summary = OptimizePoseGraph(edges, 0, options, &vertices);
@@ -42,7 +44,8 @@ PoseGraphSummary SolvePoseGraph(const std::vector<PoseGraphEdge>& edges, const P
   return summary;
 }
 
-void AppendOverlaps(const MergedMap& map, const std::vector<OverlapRelation>& relations, std::vector<PoseGraphEdge>* edges) {
+void AppendOverlaps(const MergedMap& map, const std::vector<OverlapRelation>& relations,
+                    std::vector<PoseGraphEdge>* edges) {
   for (const OverlapRelation& r : relations) {
     const MergedKeyframe &from = map.keyframes[r.from], &to = map.keyframes[r.to];
     PoseGraphEdge edge;
@@ -115,7 +118,8 @@ void TransformMap(const Similarity3& new_from_old, MergedMap* map) {
 }  // namespace
 
 std::string MergedRefinementOptions::Check() const {
-  if (radii.empty() || radii.size() != iterations.size()) return "radii and iterations must have the same, positive length";
+  if (radii.empty() || radii.size() != iterations.size())
+    return "radii and iterations must have the same, positive length";
   return "";
 }
 
@@ -147,12 +151,13 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
   const int num_keyframes = static_cast<int>(map.keyframes.size());
   const bool is_large = num_keyframes > options.max_keyframes_without_overlaps;
   if (is_large && summary.pose_graph.success) {
-    // The links hold the submaps together at a few places each; their overlaps do so all along, which straightens what bundle
-    // adjustment would need very many steps for.
+    // The links hold the submaps together at a few places each; their overlaps do so all along, which straightens what
+    // bundle adjustment would need very many steps for.
     OverlapMatchingOptions matching = options.matching;
     matching.radius = options.radii[0];
     AppendOverlaps(map, MeasureOverlaps(map, options.overlap, matching, options.min_points_of_overlap), &edges);
-    report(Format("pose graph of %zu keyframes and %zu relations, overlaps among them", map.keyframes.size(), edges.size()));
+    report(Format("pose graph of %zu keyframes and %zu relations, overlaps among them", map.keyframes.size(),
+                  edges.size()));
     summary.pose_graph = SolvePoseGraph(edges, options.pose_graph, &map);
   }
 
@@ -166,7 +171,8 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
     summary.fusions.push_back(FuseOverlaps(options.overlap, matching, &map));
     const FusionSummary& fusion = summary.fusions.back();
     report(Format("%d of %d overlapping pairs matched, %d points fused, %d observations added, %d conflicts",
-                  fusion.num_matched_pairs, fusion.num_pairs, fusion.num_fused, fusion.num_added, fusion.num_conflicts));
+                  fusion.num_matched_pairs, fusion.num_pairs, fusion.num_fused, fusion.num_added,
+                  fusion.num_conflicts));
     MergedBundleOptions bundle = options.bundle;
     bundle.bundle.max_iterations = options.iterations[round];
     if (is_large) bundle.bundle.initial_trust_radius = options.large_trust_radius;
@@ -174,11 +180,12 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
     if (last && matched) matched();
     if (last && num_keyframes <= options.max_keyframes_with_all_points) bundle.points_per_keyframe = 0;
     report(Format("bundle adjustment, round %zu of %zu", round + 1, num_rounds));
-    summary.bundles.push_back(by_windows ? AdjustWindows(bundle, options.windows, report, &map) : AdjustMergedMap(bundle, &map));
+    summary.bundles.push_back(by_windows ? AdjustWindows(bundle, options.windows, report, &map)
+                                         : AdjustMergedMap(bundle, &map));
     const MergedBundleSummary& adjusted = summary.bundles.back();
-    report(Format("%d points, %d observations, %d iterations, cost %.0f to %.0f, %d outliers removed", adjusted.num_points,
-                  adjusted.num_observations, adjusted.num_iterations, adjusted.initial_cost, adjusted.final_cost,
-                  adjusted.num_removed));
+    report(Format("%d points, %d observations, %d iterations, cost %.0f to %.0f, %d outliers removed",
+                  adjusted.num_points, adjusted.num_observations, adjusted.num_iterations, adjusted.initial_cost,
+                  adjusted.final_cost, adjusted.num_removed));
     if (!summary.bundles.back().success) {
       summary.reason = "bundle adjustment failed; the transforms along the tree stand";
       keep_tree();
@@ -192,8 +199,9 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
   summary.before = MeasureWithPoses(tree_keyframes, &map);
   constexpr double kNoise = 1.01;  // a map without drift can only stay as good as it is
   if (summary.after.mean_robust > kNoise * summary.before.mean_robust) {
-    summary.reason = Format("refinement would raise the reprojection error from %.2f to %.2f px; the tree's transforms stand",
-                            summary.before.median_px, summary.after.median_px);
+    summary.reason =
+        Format("refinement would raise the reprojection error from %.2f to %.2f px; the tree's transforms stand",
+               summary.before.median_px, summary.after.median_px);
     keep_tree();
     return result;
   }

@@ -16,8 +16,8 @@ namespace mapmend {
 struct RefinementLink {
   int submap_a = -1, submap_b = -1;  // indices into the list of submaps
   KeyframeId keyframe_a, keyframe_b;
-  Similarity3 b_from_a;              // between the raw submap frames
-  bool robust = true;                // may be wrong; false: known to agree with all the others
+  Similarity3 b_from_a;  // between the raw submap frames
+  bool robust = true;    // may be wrong; false: known to agree with all the others
 };
 
 struct MergedRefinementOptions {
@@ -31,10 +31,12 @@ struct MergedRefinementOptions {
   // In the last round all points take part, which evens out the slow bending of long strips (0.73 m became 0.61 m on a
   // survey of 150 keyframes); in larger maps time forbids it.
   int max_keyframes_with_all_points = 400;
-  // Of larger maps the overlaps found are first taken into the pose graph: those of keyframes with so many points in common.
+  // Of larger maps the overlaps found are first taken into the pose graph: those of keyframes with so many points in
+  // common.
   int max_keyframes_without_overlaps = 400;
   int min_points_of_overlap = 20;
-  double large_trust_radius = 1e7;   // and their bundle adjustment begins with such steps that long strips straighten in a few
+  double large_trust_radius =
+      1e7;  // and their bundle adjustment begins with such steps that long strips straighten in a few
   int max_keyframes_at_once = 1200;  // beyond, bundle adjustment goes by windows around the seams, in one round
   SeamWindowOptions windows;
 
@@ -43,7 +45,7 @@ struct MergedRefinementOptions {
 
 struct MergedRefinementSummary {
   bool success = false;
-  std::string reason;                 // one sentence with numbers
+  std::string reason;  // one sentence with numbers
   PoseGraphSummary pose_graph;
   std::vector<FusionSummary> fusions;
   std::vector<MergedBundleSummary> bundles;
@@ -57,10 +59,10 @@ struct MergedRefinementResult {
   std::vector<Similarity3> root_from_submap;  // best single similarity of each submap in the refined map
 };
 
-// Refines one component: Sim(3) pose graph over all keyframes with all links, fusion of duplicate points between overlapping
-// keyframes of all submaps, bundle adjustment; repeated with narrowing search. The frame stays that of submap 0. A refinement
-// that does not lower the reprojection error is not taken. progress(text) is called between the stages; matched() once, when no
-// descriptor will be looked at any more, before the largest bundle adjustment.
+// Refines one component: Sim(3) pose graph over all keyframes with all links, fusion of duplicate points between
+// overlapping keyframes of all submaps, bundle adjustment; repeated with narrowing search. The frame stays that of
+// submap 0. A refinement that does not lower the reprojection error is not taken. progress(text) is called between the
+// stages; matched() once, when no descriptor will be looked at any more, before the largest bundle adjustment.
 MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
                                        const std::vector<Similarity3>& root_from_submap,
                                        const std::vector<RefinementLink>& links, const MergedRefinementOptions& options,

@@ -1,6 +1,6 @@
-// Pose optimisation and local bundle adjustment, one thread, on exact synthetic geometry with pixel noise: a camera that looks
-// straight down from 10 units and flies over rolling ground. "error" is what is left of the error put into the position,
-// in thousandths of the height above ground.
+// Pose optimisation and local bundle adjustment, one thread, on exact synthetic geometry with pixel noise: a camera
+// that looks straight down from 10 units and flies over rolling ground. "error" is what is left of the error put into
+// the position, in thousandths of the height above ground.
 
 #include <benchmark/benchmark.h>
 
@@ -41,9 +41,12 @@ void PoseOptimization(benchmark::State& state) {
   const Rigid3 truth(Eigen::Quaterniond(Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitX())), {0.3, -0.2, 0.1});
   std::vector<PoseObservation> observations;
   while (static_cast<int64_t>(observations.size()) < state.range(0)) {
-    const Eigen::Vector3d x_cam = kCamera.Unproject({Uniform(&rng, 0, 800), Uniform(&rng, 0, 600)}) * Uniform(&rng, 8, 12);
-    Eigen::Vector2d pixel = kCamera.Project(x_cam) + Eigen::Vector2d(Uniform(&rng, -1.5, 1.5), Uniform(&rng, -1.5, 1.5));
-    if (Uniform(&rng, 0, 100) < static_cast<double>(state.range(1))) pixel = {Uniform(&rng, 0, 800), Uniform(&rng, 0, 600)};
+    const Eigen::Vector3d x_cam =
+        kCamera.Unproject({Uniform(&rng, 0, 800), Uniform(&rng, 0, 600)}) * Uniform(&rng, 8, 12);
+    Eigen::Vector2d pixel =
+        kCamera.Project(x_cam) + Eigen::Vector2d(Uniform(&rng, -1.5, 1.5), Uniform(&rng, -1.5, 1.5));
+    if (Uniform(&rng, 0, 100) < static_cast<double>(state.range(1)))
+      pixel = {Uniform(&rng, 0, 800), Uniform(&rng, 0, 600)};
     observations.push_back({truth.Inverse() * x_cam, pixel, 1.0});
   }
   const Rigid3 start = Perturbed(truth, 2, 0.2, &rng);
@@ -54,7 +57,8 @@ void PoseOptimization(benchmark::State& state) {
   state.counters["error"] = 1000 / kHeight * (result.cam_from_world.Center() - truth.Center()).norm();
 }
 
-// Arguments: keyframes, points per keyframe, how many of them determine its pose (0: all). A third of the keyframes is fixed, as the rim of the local window is.
+// Arguments: keyframes, points per keyframe, how many of them determine its pose (0: all). A third of the keyframes is
+// fixed, as the rim of the local window is.
 void LocalBundleAdjustment(benchmark::State& state) {
   std::mt19937_64 rng(1);
   const int num_keyframes = static_cast<int>(state.range(0));
@@ -68,7 +72,8 @@ void LocalBundleAdjustment(benchmark::State& state) {
     start.poses.push_back({fixed ? truth.back() : Perturbed(truth.back(), 0.3, 0.05, &rng), fixed, 0});
   }
   const double length = kStep * num_keyframes + 800.0 / kCamera.fx * kHeight;
-  const auto num_points = static_cast<int>(static_cast<double>(state.range(1)) * length / (800.0 / kCamera.fx * kHeight));
+  const auto num_points =
+      static_cast<int>(static_cast<double>(state.range(1)) * length / (800.0 / kCamera.fx * kHeight));
   std::vector<Eigen::Vector3d> points;
   for (int p = 0; p < num_points; ++p) {
     const double x = Uniform(&rng, -8, length - 8), y = Uniform(&rng, -6, 6);

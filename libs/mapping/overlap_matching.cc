@@ -40,8 +40,8 @@ std::vector<PointAppearance> DescribeKeyframe(const MergedMap& map, int keyframe
     const double depth = (k.cam_from_root * map.points[p].position).z();
     if (!(depth > 0)) continue;
     appearances.push_back({MapPointId(p), map.points[p].position, k.keyframe->features.descriptors[i], keypoint.octave,
-                           keypoint.angle, map.PyramidOf(keyframe).Scale(keypoint.octave) * depth / map.CameraOf(keyframe).fx,
-                           0});
+                           keypoint.angle,
+                           map.PyramidOf(keyframe).Scale(keypoint.octave) * depth / map.CameraOf(keyframe).fx, 0});
   }
   return appearances;
 }
@@ -145,8 +145,8 @@ std::vector<OverlappingPair> FindOverlappingPairs(const MergedMap& map, const Ov
   return pairs;
 }
 
-std::vector<OverlapMatch> MatchOverlappingPair(const MergedMap& map, const std::vector<FeatureGrid>& grids, int a, int b,
-                                               const OverlapMatchingOptions& options) {
+std::vector<OverlapMatch> MatchOverlappingPair(const MergedMap& map, const std::vector<FeatureGrid>& grids, int a,
+                                               int b, const OverlapMatchingOptions& options) {
   std::vector<OverlapMatch> matches;
   MatchOneWay(map, grids[b], a, b, options, &matches);
   MatchOneWay(map, grids[a], b, a, options, &matches);
@@ -188,8 +188,10 @@ FusionSummary FuseOverlaps(const OverlapOptions& overlap, const OverlapMatchingO
     for (const OverlapMatch& m : matches) {
       const int other = map->point_of_feature[m.element.keyframe][m.element.feature];
       if (other == m.point) continue;
-      if (other >= 0) ++same[std::minmax(m.point, other)];
-      else ++seen[{m.point, m.element}];
+      if (other >= 0)
+        ++same[std::minmax(m.point, other)];
+      else
+        ++seen[{m.point, m.element}];
     }
   }
   const auto by_votes = [](const auto& votes) {
@@ -216,8 +218,10 @@ FusionSummary FuseOverlaps(const OverlapOptions& overlap, const OverlapMatchingO
     }
   }
   for (const auto& [count, key] : by_votes(seen)) {
-    if (AddToTrack(find(key.first), key.second, map)) ++summary.num_added;
-    else ++summary.num_conflicts;
+    if (AddToTrack(find(key.first), key.second, map))
+      ++summary.num_added;
+    else
+      ++summary.num_conflicts;
   }
   return summary;
 }

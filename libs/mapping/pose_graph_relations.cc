@@ -9,7 +9,8 @@ namespace mapmend {
 void AddTrackedRelations(const Submap& submap, int first_vertex, std::vector<PoseGraphEdge>* edges) {
   constexpr int kNext = 2, kMaxCovisible = 5, kMinShared = 30;
   std::map<KeyframeId, int> vertex;
-  for (const auto& [id, keyframe] : submap.keyframes) vertex.emplace(id, first_vertex + static_cast<int>(vertex.size()));
+  for (const auto& [id, keyframe] : submap.keyframes)
+    vertex.emplace(id, first_vertex + static_cast<int>(vertex.size()));
   for (auto it = submap.keyframes.begin(); it != submap.keyframes.end(); ++it) {
     const SubmapKeyframe& a = it->second;
     std::set<KeyframeId> others;

@@ -8,8 +8,8 @@
 // The relations of a Sim(3) pose graph over keyframes.
 namespace mapmend {
 
-// As tracked, within one submap: each keyframe with the next two and with the five most covisible ones. Its keyframes are the
-// vertices first_vertex, first_vertex + 1, ... by ascending id.
+// As tracked, within one submap: each keyframe with the next two and with the five most covisible ones. Its keyframes
+// are the vertices first_vertex, first_vertex + 1, ... by ascending id.
 void AddTrackedRelations(const Submap& submap, int first_vertex, std::vector<PoseGraphEdge>* edges);
 
 // As verified: b_from_a between the submap frames, which are the same for a loop, seen in these two keyframes.

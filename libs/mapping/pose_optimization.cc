@@ -61,9 +61,9 @@ double Cost(const Pinhole& camera, const Rigid3& pose, const std::vector<PoseObs
     if (!use[i]) continue;
     const Eigen::Vector3d x = R * observations[i].point + pose.translation;
     if (x.z() < 1e-6) return std::numeric_limits<double>::infinity();
-    cost += HuberCost((camera.Project(x) - observations[i].pixel).squaredNorm() /
-                          (observations[i].sigma * observations[i].sigma),
-                      delta);
+    cost += HuberCost(
+        (camera.Project(x) - observations[i].pixel).squaredNorm() / (observations[i].sigma * observations[i].sigma),
+        delta);
   }
   return cost;
 }

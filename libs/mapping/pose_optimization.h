@@ -12,26 +12,27 @@ namespace mapmend {
 struct PoseObservation {
   Eigen::Vector3d point;  // world frame
   Eigen::Vector2d pixel;
-  double sigma = 1.0;     // pixels
+  double sigma = 1.0;  // pixels
 };
 
 struct PoseOptimizationOptions {
-  int rounds = 4;                  // outliers are judged anew after each
+  int rounds = 4;  // outliers are judged anew after each
   int iterations_per_round = 10;
-  double huber = 2.4477;           // in sigma; off in the last two rounds
-  double outlier_chi2 = 5.991;     // 95 % of chi2 with 2 degrees of freedom
+  double huber = 2.4477;        // in sigma; off in the last two rounds
+  double outlier_chi2 = 5.991;  // 95 % of chi2 with 2 degrees of freedom
 };
 
 struct PoseOptimizationResult {
-  bool success = false;            // at least 6 inliers and a well-conditioned solution
+  bool success = false;  // at least 6 inliers and a well-conditioned solution
   Rigid3 cam_from_world;
   std::vector<uint8_t> inlier;
   int num_inliers = 0;
-  double median_chi2 = 0;          // of the inliers
+  double median_chi2 = 0;  // of the inliers
 };
 
-// Robust camera pose for fixed points: Levenberg-Marquardt on reprojection errors with analytic Jacobians, Huber loss, and
-// alternating rejection of outliers, as is usual in feature-based tracking (Mur-Artal and Tardos, T-RO 2015, sec. V).
+// Robust camera pose for fixed points: Levenberg-Marquardt on reprojection errors with analytic Jacobians, Huber loss,
+// and alternating rejection of outliers, as is usual in feature-based tracking (Mur-Artal and Tardos, T-RO 2015, sec.
+// V).
 PoseOptimizationResult OptimizePose(const Pinhole& camera, const Rigid3& initial_cam_from_world,
                                     const std::vector<PoseObservation>& observations,
                                     const PoseOptimizationOptions& options);

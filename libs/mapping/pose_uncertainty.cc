@@ -50,7 +50,8 @@ double RelativePositionSigma(const Pinhole& camera, const Rigid3& cam_from_world
   // The position's information once the rotation is free to follow.
   const Eigen::Matrix3d mixed = hessian.bottomLeftCorner<3, 3>(), rotation = hessian.bottomRightCorner<3, 3>();
   const Eigen::Matrix3d information = hessian.topLeftCorner<3, 3>() - mixed.transpose() * rotation.ldlt().solve(mixed);
-  const double least = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(information, Eigen::EigenvaluesOnly).eigenvalues()[0];
+  const double least =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(information, Eigen::EigenvaluesOnly).eigenvalues()[0];
   if (!(least > 0)) return kUnknown;
   std::nth_element(depths.begin(), depths.begin() + depths.size() / 2, depths.end());
   return 1 / (std::sqrt(least) * depths[depths.size() / 2]);

@@ -8,10 +8,10 @@
 
 namespace mapmend {
 
-// How well the observations, taken for right, fix the position of the camera: its standard deviation in the worst direction,
-// as a share of the median depth of the points. From the Hessian of the reprojection errors at the pose; infinite if it is
-// singular. The tenth of the observations with the most influence is left out: if a few near points alone hold a pose that the
-// others leave open, it is only as right as those few.
+// How well the observations, taken for right, fix the position of the camera: its standard deviation in the worst
+// direction, as a share of the median depth of the points. From the Hessian of the reprojection errors at the pose;
+// infinite if it is singular. The tenth of the observations with the most influence is left out: if a few near points
+// alone hold a pose that the others leave open, it is only as right as those few.
 double RelativePositionSigma(const Pinhole& camera, const Rigid3& cam_from_world,
                              const std::vector<PoseObservation>& observations);
 

@@ -12,8 +12,9 @@
 #include "libs/mapping/ids.h"
 #include "libs/retrieval/bow_vector.h"
 
-// The records of the stream as plain C++ (lcmtypes/*.lcm are their wire form; libs/bus/codec.h converts). A session is the
-// sequence SessionStarted, then SubmapStarted, KeyframeRecord, MapUpdate, SubmapEnded in any legal order, then SessionEnded.
+// The records of the stream as plain C++ (lcmtypes/*.lcm are their wire form; libs/bus/codec.h converts). A session is
+// the sequence SessionStarted, then SubmapStarted, KeyframeRecord, MapUpdate, SubmapEnded in any legal order, then
+// SessionEnded.
 namespace mapmend {
 
 struct RecordHeader {
@@ -24,8 +25,8 @@ struct RecordHeader {
 
 struct SessionStarted {
   std::string version, vehicle, source;
-  Camera camera;   // the real one
-  Pinhole pinhole; // the ideal one, in whose pixels all features are given
+  Camera camera;    // the real one
+  Pinhole pinhole;  // the ideal one, in whose pixels all features are given
   Pyramid pyramid;
   std::string vocabulary_hash;
   std::string settings_json;

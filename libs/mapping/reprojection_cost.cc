@@ -83,7 +83,8 @@ bool ReprojectionCost::Evaluate(double const* const* parameters, double* residua
     turned.row(1) = rotated.cross(projection.row(1).transpose()).transpose();
     j.rightCols<3>().noalias() = turned.lazyProduct(pose_.left_jacobian);
   }
-  if (jacobians[1] != nullptr) Eigen::Map<PointJacobian>{jacobians[1]}.noalias() = projection.lazyProduct(pose_.rotation);
+  if (jacobians[1] != nullptr)
+    Eigen::Map<PointJacobian>{jacobians[1]}.noalias() = projection.lazyProduct(pose_.rotation);
   return true;
 }
 

@@ -21,8 +21,8 @@ Eigen::Matrix<double, 2, 3> ProjectionJacobian(const Pinhole& camera, const Eige
 // The pose moved by (dt, dw): t' = t + dt, R' = exp(dw) R.
 Rigid3 Moved(const Rigid3& pose, const Vector6d& step);
 
-// Poses cam_from_world as Ceres moves them: pose i is its start, moved by the parameter block step(i). What all residuals
-// of a pose share, its rotation matrix and derivative, is computed once per evaluation.
+// Poses cam_from_world as Ceres moves them: pose i is its start, moved by the parameter block step(i). What all
+// residuals of a pose share, its rotation matrix and derivative, is computed once per evaluation.
 class SteppedPoses : public ceres::EvaluationCallback {
  public:
   struct Pose {

@@ -29,7 +29,8 @@ std::string SessionIdFromText(const std::string& text) {
 std::string NewSessionId() {
   std::ifstream file("/proc/sys/kernel/random/uuid");
   std::string uuid;
-  if (!(file >> uuid)) throw std::runtime_error("cannot make a session id: /proc/sys/kernel/random/uuid cannot be read");
+  if (!(file >> uuid))
+    throw std::runtime_error("cannot make a session id: /proc/sys/kernel/random/uuid cannot be read");
   return uuid;
 }
 

@@ -11,7 +11,8 @@
 namespace mapmend {
 namespace {
 
-// Residual of b_from_a against its measurement; parameters per vertex: quaternion, translation, log scale of root_from_vertex.
+// Residual of b_from_a against its measurement; parameters per vertex: quaternion, translation, log scale of
+// root_from_vertex.
 struct RelationCost {
   explicit RelationCost(const PoseGraphEdge& e)
       : rotation(e.b_from_a.rotation),
@@ -65,10 +66,9 @@ PoseGraphSummary OptimizePoseGraph(const std::vector<PoseGraphEdge>& edges, int 
   ceres::Problem problem(problem_options);
   for (const PoseGraphEdge& e : edges) {
     Vertex &a = vertices[e.a], &b = vertices[e.b];
-    problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<RelationCost, 7, 4, 3, 1, 4, 3, 1>(new RelationCost(e)),
-        e.robust ? &cauchy : nullptr, a.rotation.coeffs().data(), a.translation.data(), &a.log_scale,
-        b.rotation.coeffs().data(), b.translation.data(), &b.log_scale);
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<RelationCost, 7, 4, 3, 1, 4, 3, 1>(new RelationCost(e)),
+                             e.robust ? &cauchy : nullptr, a.rotation.coeffs().data(), a.translation.data(),
+                             &a.log_scale, b.rotation.coeffs().data(), b.translation.data(), &b.log_scale);
   }
   for (size_t v = 0; v < vertices.size(); ++v) {
     if (!problem.HasParameterBlock(&vertices[v].log_scale)) continue;

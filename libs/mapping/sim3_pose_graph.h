@@ -7,7 +7,8 @@
 
 namespace mapmend {
 
-// A measured relation between two vertices of a pose graph: b_from_a takes coordinates of camera a into those of camera b.
+// A measured relation between two vertices of a pose graph: b_from_a takes coordinates of camera a into those of camera
+// b.
 struct PoseGraphEdge {
   int a = -1, b = -1;
   Similarity3 b_from_a;
@@ -19,7 +20,7 @@ struct PoseGraphEdge {
 
 struct PoseGraphOptions {
   int max_iterations = 50;
-  double cauchy = 3;                // sigma at which a robust edge begins to lose influence
+  double cauchy = 3;  // sigma at which a robust edge begins to lose influence
 };
 
 struct PoseGraphSummary {
@@ -28,8 +29,9 @@ struct PoseGraphSummary {
   double initial_cost = 0, final_cost = 0;  // robust
 };
 
-// Improves root_from_vertex so that vertices agree with the edges: nonlinear least squares over rotations, translations and
-// scales (after H. Strasdat, J. Montiel, A. Davison, RSS 2010). Vertex `fixed` stays. Ceres, one thread: bit-reproducible.
+// Improves root_from_vertex so that vertices agree with the edges: nonlinear least squares over rotations, translations
+// and scales (after H. Strasdat, J. Montiel, A. Davison, RSS 2010). Vertex `fixed` stays. Ceres, one thread:
+// bit-reproducible.
 PoseGraphSummary OptimizePoseGraph(const std::vector<PoseGraphEdge>& edges, int fixed, const PoseGraphOptions& options,
                                    std::vector<Similarity3>* root_from_vertex);
 

@@ -31,12 +31,14 @@ std::string CheckUpdate(const Submap& submap, const MapUpdate& update) {
   }
   std::unordered_set<MapPointId> new_points;
   for (const PointPosition& p : update.points) {
-    if (!p.point.IsValid() || !p.position.allFinite()) return "map update: bad map point " + std::to_string(p.point.value);
+    if (!p.point.IsValid() || !p.position.allFinite())
+      return "map update: bad map point " + std::to_string(p.point.value);
     new_points.insert(p.point);
   }
   for (const ObservationChange& o : update.observations) {
     const auto it = submap.keyframes.find(o.keyframe);
-    if (it == submap.keyframes.end()) return "map update: observation in unknown keyframe " + std::to_string(o.keyframe.value);
+    if (it == submap.keyframes.end())
+      return "map update: observation in unknown keyframe " + std::to_string(o.keyframe.value);
     if (o.feature < 0 || o.feature >= it->second.features.Size()) return "map update: feature index out of range";
     if (o.point.IsValid() && !submap.points.contains(o.point) && !new_points.contains(o.point)) {
       return "map update: observation of unknown map point " + std::to_string(o.point.value);
@@ -96,7 +98,7 @@ std::string ApplyKeyframe(Submap* submap, const RecordHeader& header, const Keyf
     if (id.IsValid() && !submap->points.contains(id)) return "keyframe: unknown map point " + std::to_string(id.value);
   }
   SubmapKeyframe& keyframe = submap->keyframes[record.keyframe];
-  keyframe = {record.keyframe, header.utime,    record.frame, header.seq,        record.cam_from_submap,
+  keyframe = {record.keyframe, header.utime, record.frame, header.seq, record.cam_from_submap,
               record.features, record.words, record.nodes, record.bow, record.map_points};
   for (size_t i = 0; i < n; ++i) {
     if (record.map_points[i].IsValid()) {
@@ -137,8 +139,10 @@ std::string Session::Apply(const Record& record) {
   } else {
     const SubmapId submap_id = std::visit(
         [](const auto& b) {
-          if constexpr (requires { b.submap; }) return b.submap;
-          else return SubmapId();
+          if constexpr (requires { b.submap; })
+            return b.submap;
+          else
+            return SubmapId();
         },
         record.body);
     const auto it = submaps.find(submap_id);

@@ -7,8 +7,9 @@
 #include "libs/mapping/ids.h"
 #include "libs/mapping/records.h"
 
-// The read model of the stream: what every consumer downstream of the frontend knows of a flight. Built only by applying
-// records in order, so equal streams give equal models. Ordered containers, so that iteration is deterministic.
+// The read model of the stream: what every consumer downstream of the frontend knows of a flight. Built only by
+// applying records in order, so equal streams give equal models. Ordered containers, so that iteration is
+// deterministic.
 namespace mapmend {
 
 struct SubmapKeyframe {
@@ -41,7 +42,7 @@ struct Submap {
   int last_frame = -1;
   std::map<KeyframeId, SubmapKeyframe> keyframes;
   std::map<MapPointId, SubmapPoint> points;
-  std::vector<TrackedFrame> frames;  // in the order they were tracked
+  std::vector<TrackedFrame> frames;                      // in the order they were tracked
   std::map<KeyframeId, KeyframePose> removed_keyframes;  // last pose of culled keyframes: frames may refer to them
 
   // Pose of a tracked frame; falls back on removed keyframes.
@@ -57,9 +58,9 @@ struct Session {
   SessionStarted info;
   std::map<SubmapId, Submap> submaps;
 
-  // Applies the next record. Returns an empty string, or one line that says what is wrong with it (seq not above the last,
-  // unknown submap, keyframe, point or feature index, a submap that has ended, non-finite value); then the session is
-  // unchanged. A seq may be left out: that record is lost, and the store's gap table says why.
+  // Applies the next record. Returns an empty string, or one line that says what is wrong with it (seq not above the
+  // last, unknown submap, keyframe, point or feature index, a submap that has ended, non-finite value); then the
+  // session is unchanged. A seq may be left out: that record is lost, and the store's gap table says why.
   std::string Apply(const Record& record);
 };
 

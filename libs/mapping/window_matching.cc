@@ -34,9 +34,10 @@ double ImageTurn(const SubmapKeyframe& from, const SubmapKeyframe& to) {
 
 }  // namespace
 
-std::vector<PooledMatch> MatchWindows(const SubmapView& a, const KeyframeWindow& window_a, const SubmapView& b, const KeyframeWindow& window_b,
-                                      const WindowMatchingOptions& options) {
-  // No check of orientations here: a few matches of one pair of images do not show which turn is theirs, all together do.
+std::vector<PooledMatch> MatchWindows(const SubmapView& a, const KeyframeWindow& window_a, const SubmapView& b,
+                                      const KeyframeWindow& window_b, const WindowMatchingOptions& options) {
+  // No check of orientations here: a few matches of one pair of images do not show which turn is theirs, all together
+  // do.
   const MatchOptions match_options{options.max_distance, options.ratio, true, false};
   std::vector<std::vector<int>> masks_a, masks_b;
   for (const SubmapKeyframe* k : window_a) masks_a.push_back(MappedFeatures(*a.submap, *k));
@@ -84,7 +85,8 @@ std::vector<PooledMatch> TakeAgreeing(const WindowMatchingOptions& options, doub
                                       std::vector<PooledMatch>* matches) {
   const double half_width = options.scale_octaves * std::log(pyramid_factor), half_turn = options.turn_deg * M_PI / 180;
   const auto agree = [&](const PooledMatch& center, const PooledMatch& m) {
-    return std::abs(m.log_scale - center.log_scale) <= half_width && std::abs(WrapAngle(m.turn - center.turn)) <= half_turn;
+    return std::abs(m.log_scale - center.log_scale) <= half_width &&
+           std::abs(WrapAngle(m.turn - center.turn)) <= half_turn;
   };
   const auto weight = [&](const PooledMatch& m) {
     constexpr int kEnoughVotes = 3;

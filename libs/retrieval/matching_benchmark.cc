@@ -1,5 +1,6 @@
-// The three ways of matching that mapmend uses, between two consecutive photos of the bundled flight (about 53 pixels of motion):
-// everything with everything, by vocabulary node, and around a predicted pixel. "matches" tells how many each finds.
+// The three ways of matching that mapmend uses, between two consecutive photos of the bundled flight (about 53 pixels
+// of motion): everything with everything, by vocabulary node, and around a predicted pixel. "matches" tells how many
+// each finds.
 
 #include <benchmark/benchmark.h>
 
@@ -92,7 +93,8 @@ void AroundPrediction(benchmark::State& state) {
       const Keypoint& keypoint = pair.a.keypoints[i];
       search.min_octave = std::max(0, keypoint.octave - 1);
       search.max_octave = keypoint.octave + 1;
-      matches += FindNear(pair.b, pair.grid_b, keypoint.pixel + pair.motion, pair.a.descriptors[i], search, used).b >= 0;
+      matches +=
+          FindNear(pair.b, pair.grid_b, keypoint.pixel + pair.motion, pair.a.descriptors[i], search, used).b >= 0;
     }
   }
   state.counters["matches"] = matches;
@@ -101,7 +103,10 @@ void AroundPrediction(benchmark::State& state) {
 BENCHMARK(BruteForce)->Arg(1000)->Arg(2000)->Unit(benchmark::kMillisecond);
 BENCHMARK(ByNodes)->Arg(1000)->Arg(2000)->Unit(benchmark::kMillisecond);
 BENCHMARK(WordsAndNodes)->Arg(1000)->Arg(2000)->Unit(benchmark::kMillisecond);
-BENCHMARK(AroundPrediction)->ArgNames({"features", "radius"})->ArgsProduct({{1000, 2000}, {15, 40}})->Unit(benchmark::kMillisecond);
+BENCHMARK(AroundPrediction)
+    ->ArgNames({"features", "radius"})
+    ->ArgsProduct({{1000, 2000}, {15, 40}})
+    ->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace mapmend

@@ -13,7 +13,7 @@ namespace mapmend {
 // One image after feature extraction. points is filled by tracking: per feature the index of the observed point in the
 // working map, -1 without.
 struct Frame {
-  int index = -1;        // in the input
+  int index = -1;  // in the input
   int64_t utime = 0;
   double mean_brightness = 0;  // 0 to 255
   double sharpness = 0;        // mean absolute Laplacian, grey levels

@@ -14,8 +14,8 @@
 
 namespace mapmend {
 
-// Takes images and extracts their features in a thread of its own, a few frames ahead of tracking. From a stream that drops no
-// images, the frames and their order do not depend on timing.
+// Takes images and extracts their features in a thread of its own, a few frames ahead of tracking. From a stream that
+// drops no images, the frames and their order do not depend on timing.
 class FrameQueue {
  public:
   FrameQueue(ImageStream* source, const FrameMaker* maker, size_t ahead = 3) : source_(source), ahead_(ahead) {
@@ -31,11 +31,12 @@ class FrameQueue {
     thread_.join();
   }
 
-  // Waits up to timeout_ms for the next frame. Null if none has come, or none will (then HasEnded). Rethrows what reading or
-  // extraction threw.
+  // Waits up to timeout_ms for the next frame. Null if none has come, or none will (then HasEnded). Rethrows what
+  // reading or extraction threw.
   FramePtr Next(int timeout_ms) {
     std::unique_lock lock(mutex_);
-    changed_.wait_for(lock, std::chrono::milliseconds(timeout_ms), [this] { return !frames_.empty() || produced_all_; });
+    changed_.wait_for(lock, std::chrono::milliseconds(timeout_ms),
+                      [this] { return !frames_.empty() || produced_all_; });
     if (frames_.empty()) {
       has_ended_ = produced_all_;
       if (has_ended_ && error_) std::rethrow_exception(error_);

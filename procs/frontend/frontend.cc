@@ -125,8 +125,10 @@ bool Frontend::StartSubmap(const Initialization& initialization) {
   std::vector<FramePtr> before, between;
   bool past_first = false;
   for (const FramePtr& f : initializer_.Frames()) {
-    if (f == first) past_first = true;
-    else if (f != second) (past_first ? between : before).push_back(f);
+    if (f == first)
+      past_first = true;
+    else if (f != second)
+      (past_first ? between : before).push_back(f);
   }
   for (const FramePtr& f : between) {
     const TrackResult result = TrackAfterwards({k0, k1}, f.get());
@@ -161,7 +163,8 @@ std::optional<Rigid3> Frontend::Predict(int64_t utime) const {
   return Extrapolate(before_last_frame_->cam_from_submap, last_frame_->cam_from_submap, ahead / dt);
 }
 
-// A frame of the past, for which nothing that follows will tell whether its pose was right: its points must be spread wider.
+// A frame of the past, for which nothing that follows will tell whether its pose was right: its points must be spread
+// wider.
 TrackResult Frontend::TrackAfterwards(const std::vector<int>& hints, Frame* frame) {
   TrackResult result = tracker_.Track(std::nullopt, hints, map_.get(), frame);
   if (result.success && result.spread < options_.min_spread_afterwards) {
@@ -377,8 +380,8 @@ std::vector<std::pair<int64_t, RecordBody>> Frontend::TakeRecords(int64_t utime,
                                            [&](const TrackedFrame& f) { return !(last_published < f.keyframe); });
   update.frames.assign(tracked_frames_.begin(), later);
   tracked_frames_.erase(tracked_frames_.begin(), later);
-  if (!update.keyframes.empty() || !update.points.empty() || !update.observations.empty() || !update.removed_points.empty() ||
-      !update.frames.empty()) {
+  if (!update.keyframes.empty() || !update.points.empty() || !update.observations.empty() ||
+      !update.removed_points.empty() || !update.frames.empty()) {
     records.emplace_back(utime, std::move(update));
   }
   return records;

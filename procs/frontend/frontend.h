@@ -22,35 +22,37 @@ struct FrontendOptions {
   InitializerOptions initializer;
   TrackerOptions tracker;
   LocalMapperOptions mapper;
-  int max_lost_frames = 3;          // consecutive frames without orientation: the submap is closed (paper §3.2)
-  int relocalisation_frames = 10;   // further frames in which the submap may be found again before it is closed
-  double keyframe_ratio = 0.7;      // new keyframe when fewer points are seen than this share of the reference keyframe's
-  int comfortable_inliers = 100;    // or fewer than this
-  double keyframe_angle_deg = 3;    // or when the points are seen under an angle that differs by this much (median)
-  double min_spread_afterwards = 0.2;  // share of the image's cells with an inlier, for frames that are tracked afterwards
-  double max_jump = 0.15;           // a step of this share of the scene's depth, and five times the last one, is a jump
-  double jump_found_share = 0.15;   // of the points in view that must be found to believe a jump
-  int confirm_frames = 2;           // frames that must be tracked in a new submap before it is believed
-  bool mapping_thread = false;      // keyframes join the map while tracking goes on: fast, but the map depends on timing
-  int max_unmapped_keyframes = 2;   // with mapping_thread: when more are not finished, tracking waits
+  int max_lost_frames = 3;         // consecutive frames without orientation: the submap is closed (paper §3.2)
+  int relocalisation_frames = 10;  // further frames in which the submap may be found again before it is closed
+  double keyframe_ratio = 0.7;    // new keyframe when fewer points are seen than this share of the reference keyframe's
+  int comfortable_inliers = 100;  // or fewer than this
+  double keyframe_angle_deg = 3;  // or when the points are seen under an angle that differs by this much (median)
+  double min_spread_afterwards =
+      0.2;                         // share of the image's cells with an inlier, for frames that are tracked afterwards
+  double max_jump = 0.15;          // a step of this share of the scene's depth, and five times the last one, is a jump
+  double jump_found_share = 0.15;  // of the points in view that must be found to believe a jump
+  int confirm_frames = 2;          // frames that must be tracked in a new submap before it is believed
+  bool mapping_thread = false;     // keyframes join the map while tracking goes on: fast, but the map depends on timing
+  int max_unmapped_keyframes = 2;  // with mapping_thread: when more are not finished, tracking waits
 };
 
 enum class FrontendState { kInitialising, kTracking, kLost };
 
 struct FrameOutcome {
   FrontendState state = FrontendState::kInitialising;
-  std::string method;               // how tracking succeeded
-  std::string reason;               // or why not
+  std::string method;  // how tracking succeeded
+  std::string reason;  // or why not
   int num_inliers = 0;
   bool keyframe = false;
   SubmapId submap;
   Rigid3 cam_from_submap;
-  double tracking_s = 0, mapping_s = 0;  // time spent; with a mapping thread, what tracking waited for it is in tracking_s
+  double tracking_s = 0,
+         mapping_s = 0;  // time spent; with a mapping thread, what tracking waited for it is in tracking_s
 };
 
-// Tracking, mapping and the life of submaps (paper §3.1, §3.2), without input or transport: frames go in in order, records of
-// the stream come out through emit. Deterministic: equal frames and options give equal records, unless mapping has a thread of its
-// own; then emit is called from that thread too, never from both at a time.
+// Tracking, mapping and the life of submaps (paper §3.1, §3.2), without input or transport: frames go in in order,
+// records of the stream come out through emit. Deterministic: equal frames and options give equal records, unless
+// mapping has a thread of its own; then emit is called from that thread too, never from both at a time.
 class Frontend {
  public:
   using Emit = std::function<void(int64_t utime, RecordBody body)>;
@@ -82,7 +84,8 @@ class Frontend {
   void CloseSubmap(const std::string& reason, const std::string& detail);
   void AbandonSubmap();
   void NoteFrame(const Frame& frame, int reference_keyframe);
-  // What is to be published up to a keyframe, which may still lack words; then words and emission, for which the map is not needed.
+  // What is to be published up to a keyframe, which may still lack words; then words and emission, for which the map is
+  // not needed.
   std::vector<std::pair<int64_t, RecordBody>> TakeRecords(int64_t utime, int last_keyframe);
   void EmitRecords(std::vector<std::pair<int64_t, RecordBody>> records);
   void Publish(int64_t utime);
@@ -104,7 +107,7 @@ class Frontend {
   bool confirmed_ = false;
   int frames_since_start_ = 0;
   int lost_frames_ = 0;
-  std::vector<FramePtr> lost_;               // frames that failed since the last success
+  std::vector<FramePtr> lost_;  // frames that failed since the last success
   std::string last_failure_;
   FramePtr last_frame_, before_last_frame_;  // tracked ones
   int last_keyframe_ = -1;
@@ -112,9 +115,9 @@ class Frontend {
   int first_unpublished_keyframe_ = 0;
   std::vector<TrackedFrame> tracked_frames_;  // not yet published
   int num_tracked_ = 0, num_losses_ = 0;
-  double mapping_s_ = 0;                     // of the current frame
-  MapLock lock_;                             // while a frame is processed
-  std::unique_ptr<MappingThread> mapping_;   // null: keyframes join the map in ProcessFrame. Ends before the rest does
+  double mapping_s_ = 0;                    // of the current frame
+  MapLock lock_;                            // while a frame is processed
+  std::unique_ptr<MappingThread> mapping_;  // null: keyframes join the map in ProcessFrame. Ends before the rest does
 };
 
 }  // namespace mapmend

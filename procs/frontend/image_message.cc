@@ -43,7 +43,8 @@ std::string ImageProblem(const image_t& message, int width, int height, int64_t 
     return "format " + std::to_string(message.format) + " is not known; known are 0 (JPEG) and 1 (8-bit grey)";
   }
   if (message.width != width || message.height != height) {
-    return "image of " + SizeText(message.width, message.height) + " pixels, the camera file says " + SizeText(width, height);
+    return "image of " + SizeText(message.width, message.height) + " pixels, the camera file says " +
+           SizeText(width, height);
   }
   if (message.format == image_t::GREY8 && message.num_bytes != static_cast<int64_t>(width) * height) {
     return std::to_string(message.num_bytes) + " bytes for a grey image of " + SizeText(width, height) + " pixels";

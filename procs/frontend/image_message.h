@@ -16,8 +16,8 @@ class image_t;
 // The camera says that no more images come: an image of no size, without bytes.
 bool IsEndOfStream(const image_t& message);
 
-// Why an image is refused, one line; empty if it may be decoded. A JPEG's own header must agree, so that decoding never allocates
-// more than the camera's size.
+// Why an image is refused, one line; empty if it may be decoded. A JPEG's own header must agree, so that decoding never
+// allocates more than the camera's size.
 //   width, height  of the camera
 //   last_utime     of the last image that was not refused; times must grow
 std::string ImageProblem(const image_t& message, int width, int height, int64_t last_utime);

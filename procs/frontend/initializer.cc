@@ -20,7 +20,7 @@ constexpr double kMinRayAngleCos = 0.99999;  // 0.26 degrees: nearer to parallel
 constexpr int kBundlePoints = 150;           // of an image determine the motion in bundle adjustment
 constexpr double kSameRotationRad = 0.02, kSameDirectionRad = 0.15;
 
-constexpr double kFarAway = 1e4;             // baselines: stands for the depth of points that have none
+constexpr double kFarAway = 1e4;  // baselines: stands for the depth of points that have none
 
 using Judged = TwoViewCandidate;
 
@@ -29,8 +29,9 @@ struct MatchedPixels {
   std::vector<double> sigma_first, sigma_second;
 };
 
-// Triangulates every match under a motion and keeps the points that fit. Matches too far away to have a depth fit as well if
-// the rotation alone explains them: a small true motion must not lose against a large wrong one that gives everything a depth.
+// Triangulates every match under a motion and keeps the points that fit. Matches too far away to have a depth fit as
+// well if the rotation alone explains them: a small true motion must not lose against a large wrong one that gives
+// everything a depth.
 Judged Judge(const Pinhole& camera, const MatchedPixels& matches, const Rigid3& motion, double max_sigma) {
   Judged judged;
   judged.second_from_first = motion;
@@ -94,7 +95,8 @@ Judged Refine(const Pinhole& camera, const MatchedPixels& matches, Judged judged
 
 bool SameMotion(const Rigid3& a, const Rigid3& b) {
   return RotationAngle(a.rotation * b.rotation.conjugate()) < kSameRotationRad &&
-         std::acos(std::clamp(a.translation.normalized().dot(b.translation.normalized()), -1.0, 1.0)) < kSameDirectionRad;
+         std::acos(std::clamp(a.translation.normalized().dot(b.translation.normalized()), -1.0, 1.0)) <
+             kSameDirectionRad;
 }
 
 // The truly different motions, refined, those that explain most matches first.
@@ -149,8 +151,9 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
   return result;
 }
 
-// The oldest partner of a range first: it has the widest baseline. If it shares too little with this frame, younger ones do more: a
-// bisection finds the oldest that shares enough. A camera that moves forward leaves its first images behind quickly.
+// The oldest partner of a range first: it has the widest baseline. If it shares too little with this frame, younger
+// ones do more: a bisection finds the oldest that shares enough. A camera that moves forward leaves its first images
+// behind quickly.
 Initialization Initializer::TryPartners(const FramePtr& frame, int oldest, int newest) const {
   Initialization result;
   result.reason = "too_few_matches";
@@ -175,11 +178,11 @@ Initialization Initializer::TryPartners(const FramePtr& frame, int oldest, int n
   return result;
 }
 
-// What a motion leaves unexplained in the two views and in frames between them: the sum of squared errors in sigma, each cut
-// off at the limit of an inlier, over all matches. A wrong motion that fits two images nearly as well has its points at wrong
-// depths, which no pose of a third explains.
-double Initializer::Misfit(const Frame& first, const Frame& second, const std::vector<Match>& found, const Judged& candidate,
-                           const std::vector<FramePtr>& between) const {
+// What a motion leaves unexplained in the two views and in frames between them: the sum of squared errors in sigma,
+// each cut off at the limit of an inlier, over all matches. A wrong motion that fits two images nearly as well has its
+// points at wrong depths, which no pose of a third explains.
+double Initializer::Misfit(const Frame& first, const Frame& second, const std::vector<Match>& found,
+                           const Judged& candidate, const std::vector<FramePtr>& between) const {
   const double limit = options_.max_sigma * options_.max_sigma;
   std::vector<std::optional<Eigen::Vector3d>> point_of(first.features.Size());
   std::vector<int> features;
@@ -224,7 +227,8 @@ double Initializer::Misfit(const Frame& first, const Frame& second, const std::v
   return sum;
 }
 
-Initialization Initializer::Try(const FramePtr& first, const FramePtr& second, const std::vector<FramePtr>& between) const {
+Initialization Initializer::Try(const FramePtr& first, const FramePtr& second,
+                                const std::vector<FramePtr>& between) const {
   Initialization result;
   result.first = first;
   result.second = second;
@@ -250,8 +254,9 @@ Initialization Initializer::Try(const FramePtr& first, const FramePtr& second, c
   result.reason = "no_parallax";
   if (shifts[shifts.size() / 2] < options_.min_motion * camera_.width) return result;
 
-  const std::vector<Judged> candidates = RankMotions(
-      camera_, matches, ProposeTwoViewMotions(rays_first, rays_second, 1.5 / camera_.fx, options_.seed), options_.max_sigma);
+  const std::vector<Judged> candidates =
+      RankMotions(camera_, matches, ProposeTwoViewMotions(rays_first, rays_second, 1.5 / camera_.fx, options_.seed),
+                  options_.max_sigma);
   result.reason = "too_few_matches";
   const int min_support = std::max(options_.min_points, options_.min_matches / 2);
   if (candidates.empty() || static_cast<int>(candidates[0].Support()) < min_support) return result;
@@ -259,7 +264,8 @@ Initialization Initializer::Try(const FramePtr& first, const FramePtr& second, c
   std::vector<int> rivals;
   for (size_t i = 0; i < candidates.size(); ++i) {
     const auto support = static_cast<double>(candidates[i].Support());
-    if (support > options_.ambiguity_ratio * static_cast<double>(candidates[0].Support())) rivals.push_back(static_cast<int>(i));
+    if (support > options_.ambiguity_ratio * static_cast<double>(candidates[0].Support()))
+      rivals.push_back(static_cast<int>(i));
   }
   int winner = 0;
   if (rivals.size() > 1) {
@@ -279,7 +285,8 @@ Initialization Initializer::Try(const FramePtr& first, const FramePtr& second, c
   }
   const Judged& best = candidates[winner];
   result.reason = "no_parallax";
-  if (static_cast<int>(best.matches.size()) < options_.min_points || best.median_angle_deg < options_.min_median_angle_deg) {
+  if (static_cast<int>(best.matches.size()) < options_.min_points ||
+      best.median_angle_deg < options_.min_median_angle_deg) {
     return result;
   }
   std::vector<double> depths;

@@ -12,15 +12,17 @@
 namespace mapmend {
 
 struct InitializerOptions {
-  int max_buffered_frames = 300;     // frames kept since the loss
+  int max_buffered_frames = 300;  // frames kept since the loss
   int min_matches = 60;
   int min_points = 50;
-  double min_median_angle_deg = 1.5; // between the rays to the points
-  double min_motion = 0.02;          // median shift of matches, of the image width: less is not worth a trial
-  double ambiguity_ratio = 0.8;      // a second, different motion that explains this share of the best one's matches is a rival
-  double max_misfit_ratio = 0.67;    // the best one's squared errors must be below this share of each rival's, else: ambiguous
-  double max_sigma = 2.4477;         // reprojection error of an inlier, in sigma of its octave
-  double min_retry_s = 0.1;            // time between frames that are tried, once one was refused for want of parallax
+  double min_median_angle_deg = 1.5;  // between the rays to the points
+  double min_motion = 0.02;           // median shift of matches, of the image width: less is not worth a trial
+  double ambiguity_ratio =
+      0.8;  // a second, different motion that explains this share of the best one's matches is a rival
+  double max_misfit_ratio =
+      0.67;                   // the best one's squared errors must be below this share of each rival's, else: ambiguous
+  double max_sigma = 2.4477;  // reprojection error of an inlier, in sigma of its octave
+  double min_retry_s = 0.1;   // time between frames that are tried, once one was refused for want of parallax
   uint64_t seed = 1;
 };
 
@@ -31,7 +33,7 @@ struct InitialPoint {
 
 struct Initialization {
   bool success = false;
-  std::string reason;        // if not: too_few_matches, no_parallax, ambiguous
+  std::string reason;  // if not: too_few_matches, no_parallax, ambiguous
   FramePtr first, second;
   Rigid3 second_from_first;
   std::vector<InitialPoint> points;
@@ -39,17 +41,18 @@ struct Initialization {
 
 // A motion between two views and what it explains.
 struct TwoViewCandidate {
-  Rigid3 second_from_first;                // |translation| = 1
-  std::vector<int> matches, far_matches;   // indices of the matches that it explains, with and without a depth
+  Rigid3 second_from_first;                         // |translation| = 1
+  std::vector<int> matches, far_matches;            // indices of the matches that it explains, with and without a depth
   std::vector<Eigen::Vector3d> points, far_points;  // of these, in the frame of the first camera
-  double median_angle_deg = 0;             // between the rays to the points
+  double median_angle_deg = 0;                      // between the rays to the points
   size_t Support() const { return matches.size() + far_matches.size(); }
 };
 
-// Starts a submap from two views of the same ground. Frames since the loss are kept; each new one is tried against the oldest
-// that still shares enough features, among the newest sixty and then among all. All decompositions of a homography (planar scenes, nadir views) and of an essential
-// matrix compete: each is refined by bundle adjustment on all matches. If a second, truly different motion explains nearly as
-// much as the best, up to three frames in between decide; if they cannot, the pair is refused as ambiguous.
+// Starts a submap from two views of the same ground. Frames since the loss are kept; each new one is tried against the
+// oldest that still shares enough features, among the newest sixty and then among all. All decompositions of a
+// homography (planar scenes, nadir views) and of an essential matrix compete: each is refined by bundle adjustment on
+// all matches. If a second, truly different motion explains nearly as much as the best, up to three frames in between
+// decide; if they cannot, the pair is refused as ambiguous.
 class Initializer {
  public:
   Initializer(const InitializerOptions& options, const Pinhole& camera, const Pyramid& pyramid)
@@ -68,8 +71,8 @@ class Initializer {
  private:
   Initialization TryPartners(const FramePtr& frame, int oldest, int newest) const;  // indices of frames_
   Initialization Try(const FramePtr& first, const FramePtr& second, const std::vector<FramePtr>& between) const;
-  double Misfit(const Frame& first, const Frame& second, const std::vector<Match>& found, const TwoViewCandidate& candidate,
-                const std::vector<FramePtr>& between) const;
+  double Misfit(const Frame& first, const Frame& second, const std::vector<Match>& found,
+                const TwoViewCandidate& candidate, const std::vector<FramePtr>& between) const;
 
   InitializerOptions options_;
   Pinhole camera_;

@@ -16,7 +16,8 @@ constexpr int kMaxIndex = 1 << 30;  // of the protocol
 
 }  // namespace
 
-LiveImages::LiveImages(const std::string& url, const std::string& channel_prefix, int width, int height, int max_waiting)
+LiveImages::LiveImages(const std::string& url, const std::string& channel_prefix, int width, int height,
+                       int max_waiting)
     : width_(width), height_(height), bus_(url, channel_prefix), queue_(static_cast<size_t>(max_waiting)) {
   bus_.Subscribe<image_t>(channels::kImage, Delivery::kLatest, [this](const image_t& message) { Receive(message); });
   thread_ = std::thread([this] {
@@ -53,7 +54,8 @@ void LiveImages::Refuse(const std::string& problem) {
 
 std::optional<SourceImage> LiveImages::Next() {
   while (auto arrival = queue_.Pop()) {
-    if (auto pixels = DecodeImage(*arrival->message)) return SourceImage{arrival->index, arrival->message->utime, std::move(pixels)};
+    if (auto pixels = DecodeImage(*arrival->message))
+      return SourceImage{arrival->index, arrival->message->utime, std::move(pixels)};
     Refuse("the JPEG is damaged");
   }
   return std::nullopt;

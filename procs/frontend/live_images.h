@@ -15,10 +15,10 @@ namespace mapmend {
 
 class image_t;
 
-// Images that a camera process publishes on MAPMEND_IMAGE, until it says that no more come. Has a connection to the bus and a
-// thread of its own, so that neither the camera nor the stream of records waits for the frontend: the newest images are kept,
-// older ones that nobody took are dropped and counted. Messages that are no good are counted, remembered for the health
-// message, and dropped.
+// Images that a camera process publishes on MAPMEND_IMAGE, until it says that no more come. Has a connection to the bus
+// and a thread of its own, so that neither the camera nor the stream of records waits for the frontend: the newest
+// images are kept, older ones that nobody took are dropped and counted. Messages that are no good are counted,
+// remembered for the health message, and dropped.
 class LiveImages : public ImageStream {
  public:
   // width, height: of the camera, pixels.  max_waiting: images that may wait to be taken.

@@ -52,7 +52,8 @@ void LocalMapper::Process(int keyframe, WorkingMap* map, MapLock* lock) const {
   AdjustLocal(keyframe, map, lock);
 }
 
-void LocalMapper::FuseNeighbourhood(int keyframe, const std::vector<int>& neighbours, WorkingMap* map, MapLock* lock) const {
+void LocalMapper::FuseNeighbourhood(int keyframe, const std::vector<int>& neighbours, WorkingMap* map,
+                                    MapLock* lock) const {
   const StageTimer timer("map/fuse");
   // Fuse with the neighbours and with theirs.
   std::vector<int> targets = neighbours;
@@ -149,8 +150,10 @@ int LocalMapper::TriangulateWith(int keyframe, int neighbour, double near, doubl
     const auto x = mapmend::Triangulate(ray, camera_.Unproject(other.pixel.cast<double>()), b_from_a);
     if (!x || x->z() < near || x->z() > far) continue;
     if (CosIntersectionAngle(*x, Eigen::Vector3d::Zero(), b_from_a.Center()) > max_cosine) continue;
-    const double chi2_a = ReprojectionChi2(camera_, {}, *x, keypoint.pixel.cast<double>(), pyramid_.Sigma(keypoint.octave));
-    const double chi2_b = ReprojectionChi2(camera_, b_from_a, *x, other.pixel.cast<double>(), pyramid_.Sigma(other.octave));
+    const double chi2_a =
+        ReprojectionChi2(camera_, {}, *x, keypoint.pixel.cast<double>(), pyramid_.Sigma(keypoint.octave));
+    const double chi2_b =
+        ReprojectionChi2(camera_, b_from_a, *x, other.pixel.cast<double>(), pyramid_.Sigma(other.octave));
     if (chi2_a > options_.outlier_chi2 || chi2_b > options_.outlier_chi2) continue;
     // The patch sizes must agree with the distances.
     const double by_distance = (b_from_a * *x).norm() / x->norm();
@@ -220,8 +223,9 @@ int LocalMapper::FuseInto(int keyframe, const std::vector<int>& points, double r
   return count;
 }
 
-// Survey flights come back beside their own strips: keyframes far away in time see the same ground, with a little drift.
-// Their points are projected with a wider window; if enough of them agree on a small correction, they are the same points.
+// Survey flights come back beside their own strips: keyframes far away in time see the same ground, with a little
+// drift. Their points are projected with a wider window; if enough of them agree on a small correction, they are the
+// same points.
 void LocalMapper::FuseWithOverlapping(int keyframe, const std::vector<int>& neighbours, WorkingMap* map) const {
   const StageTimer timer("map/overlap");
   const Frame& frame = *map->Keyframe(keyframe).frame;
@@ -289,7 +293,8 @@ void LocalMapper::FuseWithOverlapping(int keyframe, const std::vector<int>& neig
   constexpr int kMinAgreeing = 25;
   if (static_cast<int>(observations.size()) < kMinAgreeing) return;
   const PoseOptimizationResult agreed = OptimizePose(camera_, frame.cam_from_submap, observations, {});
-  if (!agreed.success || agreed.num_inliers < kMinAgreeing || agreed.num_inliers * 5 < static_cast<int>(pairs.size()) * 2) {
+  if (!agreed.success || agreed.num_inliers < kMinAgreeing ||
+      agreed.num_inliers * 5 < static_cast<int>(pairs.size()) * 2) {
     return;
   }
   for (size_t i = 0; i < pairs.size(); ++i) {
@@ -342,8 +347,8 @@ void LocalMapper::AdjustAll(WorkingMap* map) const {
   Adjust(free, fixed, 20, map, nullptr);
 }
 
-void LocalMapper::Adjust(const std::vector<int>& free_keyframes, const std::vector<int>& fixed_keyframes, int iterations,
-                         WorkingMap* map, MapLock* lock) const {
+void LocalMapper::Adjust(const std::vector<int>& free_keyframes, const std::vector<int>& fixed_keyframes,
+                         int iterations, WorkingMap* map, MapLock* lock) const {
   BundleProblem problem;
   problem.cameras = {camera_};
   std::vector<int> pose_of(map->Keyframes().size(), -1), keyframe_of;
@@ -391,7 +396,8 @@ void LocalMapper::Adjust(const std::vector<int>& free_keyframes, const std::vect
   for (size_t i = 0; i < point_of.size(); ++i) map->SetPosition(point_of[i], problem.points[i]);
   for (size_t i = 0; i < problem.observations.size(); ++i) {
     const BundleObservation& o = problem.observations[i];
-    const double chi2 = ReprojectionChi2(camera_, problem.poses[o.pose].cam_from_world, problem.points[o.point], o.pixel, o.sigma);
+    const double chi2 =
+        ReprojectionChi2(camera_, problem.poses[o.pose].cam_from_world, problem.points[o.point], o.pixel, o.sigma);
     if (chi2 > options_.outlier_chi2 && !map->Point(sources[i].point).removed) {
       map->RemoveObservation(sources[i].point, sources[i].keyframe);
     }

@@ -9,10 +9,10 @@
 namespace mapmend {
 
 struct LocalMapperOptions {
-  int num_neighbours = 10;            // keyframes to triangulate and fuse with
-  int min_covisible = 15;             // shared points of a neighbour
-  double min_angle_deg = 1.0;         // between the rays of a new point
-  int max_distance = 60;              // bits
+  int num_neighbours = 10;     // keyframes to triangulate and fuse with
+  int min_covisible = 15;      // shared points of a neighbour
+  double min_angle_deg = 1.0;  // between the rays of a new point
+  int max_distance = 60;       // bits
   double ratio = 0.85;
   double fuse_radius_px = 3;
   int max_overlapping_keyframes = 6;  // searched by place, though they share no points yet (strips side by side)
@@ -20,7 +20,7 @@ struct LocalMapperOptions {
   int bundle_keyframes = 12;          // optimised by local bundle adjustment
   int bundle_fixed_keyframes = 20;    // that hold it in place
   int bundle_iterations = 5;
-  int bundle_points = 150;            // that determine a keyframe's pose there; the other points follow
+  int bundle_points = 150;  // that determine a keyframe's pose there; the other points follow
   double outlier_chi2 = 5.991;
 };
 
@@ -31,8 +31,8 @@ class LocalMapper {
   LocalMapper(const LocalMapperOptions& options, const Pinhole& camera, const Pyramid& pyramid)
       : options_(options), camera_(camera), pyramid_(pyramid) {}
 
-  // lock: given back between steps and while bundle adjustment computes; meanwhile keyframes may join the map, nothing may leave it.
-  // Null: nobody else uses the map.
+  // lock: given back between steps and while bundle adjustment computes; meanwhile keyframes may join the map, nothing
+  // may leave it. Null: nobody else uses the map.
   void Process(int keyframe, WorkingMap* map, MapLock* lock = nullptr) const;
   // Bundle adjustment of all keyframes, for a submap that has just begun.
   void AdjustAll(WorkingMap* map) const;

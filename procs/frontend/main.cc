@@ -10,30 +10,41 @@ int main(int argc, char** argv) {
   CLI::App app("frontend: tracks one camera and publishes keyframes, map updates and loss events.", "frontend");
   mapmend::AddProcessOptions(&app, &options.process);
   app.add_option("input", options.input, "video file or folder of images; none with --live");
-  app.add_option("--camera", options.camera_path, "calibration: ORB-SLAM, Kalibr or OpenCV yaml, or COLMAP cameras.txt")->required();
-  app.add_option("--times", options.times_path, "time of each frame in seconds, one per line; else from the frame rate");
+  app.add_option("--camera", options.camera_path, "calibration: ORB-SLAM, Kalibr or OpenCV yaml, or COLMAP cameras.txt")
+      ->required();
+  app.add_option("--times", options.times_path,
+                 "time of each frame in seconds, one per line; else from the frame rate");
   app.add_option("--vocabulary", options.vocabulary_path, "vocabulary (mapmend's or DBoW2's text format)")->required();
   app.add_option("--skip-frames", options.skip_frames, "frames to leave out, e.g. 80-120,200-240");
-  app.add_option("--features", options.num_features, "ORB features per image; 0: 1000 up to one megapixel, 2000 above")->capture_default_str();
-  app.add_option("--max-dimension", options.max_dimension, "scale larger images down to this many pixels; 0: never")->capture_default_str();
+  app.add_option("--features", options.num_features, "ORB features per image; 0: 1000 up to one megapixel, 2000 above")
+      ->capture_default_str();
+  app.add_option("--max-dimension", options.max_dimension, "scale larger images down to this many pixels; 0: never")
+      ->capture_default_str();
   bool realtime = false, live = false, lockstep = false;
-  auto* lockstep_flag = app.add_flag("--lockstep", lockstep, "every frame of the input, however long it takes: the same map each time (the default)");
-  auto* realtime_flag = app.add_flag("--realtime", realtime, "play the input at the pace of its times; frames that come while tracking is busy are dropped");
-  auto* live_flag = app.add_flag("--live", live, "images come over the bus, channel MAPMEND_IMAGE, until the camera ends the stream, or Ctrl-C");
+  auto* lockstep_flag = app.add_flag(
+      "--lockstep", lockstep, "every frame of the input, however long it takes: the same map each time (the default)");
+  auto* realtime_flag =
+      app.add_flag("--realtime", realtime,
+                   "play the input at the pace of its times; frames that come while tracking is busy are dropped");
+  auto* live_flag = app.add_flag(
+      "--live", live, "images come over the bus, channel MAPMEND_IMAGE, until the camera ends the stream, or Ctrl-C");
   realtime_flag->excludes(lockstep_flag);
   live_flag->excludes(lockstep_flag)->excludes(realtime_flag);
   app.add_option("--speed", options.speed, "with --realtime: times as fast as the frames were taken")
       ->check(CLI::Range(0.001, 1e6))
       ->capture_default_str();
-  app.add_option("--max-waiting", options.max_waiting, "with --realtime or --live: frames that may wait before the oldest is dropped")
+  app.add_option("--max-waiting", options.max_waiting,
+                 "with --realtime or --live: frames that may wait before the oldest is dropped")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  app.add_option("--profile", options.profile_path, "write the time of each stage per frame to this JSON file, and print it");
+  app.add_option("--profile", options.profile_path,
+                 "write the time of each stage per frame to this JSON file, and print it");
   app.add_option("--seed", options.seed, "of all random sampling")->capture_default_str();
   app.add_option("--session", options.session, "name of the session (UUID); else made from input, options and seed");
   app.add_option("--outbox", options.outbox_path, "file that keeps what the store has not acknowledged");
   app.add_option("--vehicle", options.vehicle, "name of the vehicle, for the record");
-  app.add_option("--lost-frames", options.frontend.max_lost_frames, "consecutive frames without orientation that end a submap")
+  app.add_option("--lost-frames", options.frontend.max_lost_frames,
+                 "consecutive frames without orientation that end a submap")
       ->capture_default_str();
   app.add_option("--relocalisation-frames", options.frontend.relocalisation_frames,
                  "further frames in which a lost submap may be found again")
@@ -43,7 +54,9 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     return app.exit(e);
   }
-  options.mode = live ? mapmend::InputMode::kLive : realtime ? mapmend::InputMode::kRealtime : mapmend::InputMode::kLockstep;
+  options.mode = live       ? mapmend::InputMode::kLive
+                 : realtime ? mapmend::InputMode::kRealtime
+                            : mapmend::InputMode::kLockstep;
   mapmend::ApplyLogLevel(options.process);
   mapmend::InstallSignalHandlers();
   try {

@@ -4,7 +4,8 @@
 
 namespace mapmend {
 
-// A mutex that nobody can take twice while another waits: who gives it back to take it again at once lets the other go first.
+// A mutex that nobody can take twice while another waits: who gives it back to take it again at once lets the other go
+// first.
 class FairMutex {
  public:
   void lock() {

@@ -10,8 +10,9 @@
 
 namespace mapmend {
 
-// Brings keyframes into the map, one after the other, in a thread of its own, so that tracking need not wait for local bundle
-// adjustment. All that both use is guarded by one lock, which mapping gives back whenever it can do without the map.
+// Brings keyframes into the map, one after the other, in a thread of its own, so that tracking need not wait for local
+// bundle adjustment. All that both use is guarded by one lock, which mapping gives back whenever it can do without the
+// map.
 class MappingThread {
  public:
   // Called in the thread, with the lock held; may give it back meanwhile, must hold it at the end.

@@ -21,7 +21,8 @@ std::vector<Profiler::Row> Profiler::Table() const {
   for (const auto& [stage, samples] : samples_) {
     std::vector<double> sorted = samples;
     std::sort(sorted.begin(), sorted.end());
-    rows.push_back({stage, static_cast<int>(sorted.size()), sorted[sorted.size() / 2], sorted[(sorted.size() * 95 + 99) / 100 - 1],
+    rows.push_back({stage, static_cast<int>(sorted.size()), sorted[sorted.size() / 2],
+                    sorted[(sorted.size() * 95 + 99) / 100 - 1],
                     std::accumulate(sorted.begin(), sorted.end(), 0.0) * 1e-3});
   }
   return rows;

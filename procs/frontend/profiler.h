@@ -8,8 +8,8 @@
 
 namespace mapmend {
 
-// Time of each stage per frame in which it ran. One per process, because stages are deep inside classes that should not carry
-// it around; it never influences a result. Off until Enable: then a timer costs one clock read.
+// Time of each stage per frame in which it ran. One per process, because stages are deep inside classes that should not
+// carry it around; it never influences a result. Off until Enable: then a timer costs one clock read.
 class Profiler {
  public:
   struct Row {
@@ -39,7 +39,8 @@ class StageTimer {
   }
   ~StageTimer() {
     if (stage_ == nullptr) return;
-    Profiler::Global().Add(stage_, std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin_).count());
+    Profiler::Global().Add(
+        stage_, std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin_).count());
   }
   StageTimer(const StageTimer&) = delete;
   StageTimer& operator=(const StageTimer&) = delete;

@@ -30,7 +30,8 @@ namespace {
 
 constexpr int kExitTruncatedInput = 3;
 constexpr int kTickMs = 200;
-constexpr int kFlushTimeoutMs = 20000, kStopFlushTimeoutMs = 1500;  // without progress; asked to stop, the store may be gone
+constexpr int kFlushTimeoutMs = 20000,
+              kStopFlushTimeoutMs = 1500;  // without progress; asked to stop, the store may be gone
 
 double Percentile(std::vector<double> values, double share) {
   if (values.empty()) return 0;
@@ -57,12 +58,13 @@ class Input {
  public:
   Input(const RunOptions& options, const Camera& camera, const std::set<int>& skip) {
     if (options.mode == InputMode::kLive) {
-      live_ = std::make_unique<LiveImages>(ResolveLcmUrl(options.process.lcm_url), options.process.channel_prefix, camera.width,
-                                           camera.height, options.max_waiting);
+      live_ = std::make_unique<LiveImages>(ResolveLcmUrl(options.process.lcm_url), options.process.channel_prefix,
+                                           camera.width, camera.height, options.max_waiting);
       return;
     }
     file_ = std::make_unique<ImageSource>(options.input, options.times_path, camera.fps, skip);
-    if (options.mode == InputMode::kRealtime) paced_ = std::make_unique<PacedImages>(file_.get(), options.speed, options.max_waiting);
+    if (options.mode == InputMode::kRealtime)
+      paced_ = std::make_unique<PacedImages>(file_.get(), options.speed, options.max_waiting);
   }
   ImageStream* Stream() const {
     if (live_) return live_.get();
@@ -84,7 +86,8 @@ class Input {
 Camera WithImageSize(Camera camera, const RunOptions& options, const std::set<int>& skip) {
   if (camera.width > 0 && camera.height > 0) return camera;
   if (options.mode == InputMode::kLive) {
-    throw std::runtime_error("camera file " + options.camera_path + ": does not say width and height, which --live needs");
+    throw std::runtime_error("camera file " + options.camera_path +
+                             ": does not say width and height, which --live needs");
   }
   ImageSource source(options.input, "", camera.fps, skip);
   const auto image = source.Next();
@@ -113,7 +116,8 @@ SessionStarted DescribeSession(const RunOptions& options, const Camera& camera, 
   SessionStarted started;
   started.version = MAPMEND_VERSION;
   started.vehicle = options.vehicle;
-  started.source = options.mode == InputMode::kLive ? "live camera" : std::filesystem::path(options.input).filename().string();
+  started.source =
+      options.mode == InputMode::kLive ? "live camera" : std::filesystem::path(options.input).filename().string();
   started.camera = camera;
   started.pinhole = camera.Ideal();
   started.pyramid = pyramid;
@@ -127,9 +131,14 @@ void WriteProfile(const std::string& path) {
   nlohmann::json json = nlohmann::json::array();
   std::cout << "stage                 frames  median ms   p95 ms  total s\n";
   for (const Profiler::Row& row : Profiler::Global().Table()) {
-    json.push_back({{"stage", row.stage}, {"frames", row.frames}, {"median_ms", row.median_ms}, {"p95_ms", row.p95_ms}, {"total_s", row.total_s}});
+    json.push_back({{"stage", row.stage},
+                    {"frames", row.frames},
+                    {"median_ms", row.median_ms},
+                    {"p95_ms", row.p95_ms},
+                    {"total_s", row.total_s}});
     char line[120];
-    std::snprintf(line, sizeof(line), "%-20s %7d %10.2f %8.2f %8.2f\n", row.stage.c_str(), row.frames, row.median_ms, row.p95_ms, row.total_s);
+    std::snprintf(line, sizeof(line), "%-20s %7d %10.2f %8.2f %8.2f\n", row.stage.c_str(), row.frames, row.median_ms,
+                  row.p95_ms, row.total_s);
     std::cout << line;
   }
   std::ofstream file(path);
@@ -141,8 +150,8 @@ std::string ExplainNoFrame(const RunOptions& options, const Input& input) {
   if (options.mode != InputMode::kLive) return "input " + options.input + ": holds no readable frame";
   if (input.NumBad() == 0) return "no image came on channel " + options.process.channel_prefix + channels::kImage;
   const std::string problem = input.LastProblem().empty() ? "not an image_t" : input.LastProblem();
-  return "none of " + std::to_string(input.NumBad()) + " images on channel " + options.process.channel_prefix + channels::kImage +
-         " was good; the last: " + problem;
+  return "none of " + std::to_string(input.NumBad()) + " images on channel " + options.process.channel_prefix +
+         channels::kImage + " was good; the last: " + problem;
 }
 
 // One line for a person; empty if nothing was lost.
@@ -163,14 +172,17 @@ int RunFrontend(const RunOptions& options) {
   const Camera input_camera = WithImageSize(ReadCamera(options.camera_path), options, skip);
   Camera camera = input_camera;
   const int dimension = std::max(camera.width, camera.height);
-  if (options.max_dimension > 0 && dimension > options.max_dimension) camera = camera.Scaled(options.max_dimension / static_cast<double>(dimension));
+  if (options.max_dimension > 0 && dimension > options.max_dimension)
+    camera = camera.Scaled(options.max_dimension / static_cast<double>(dimension));
   const Vocabulary vocabulary = Vocabulary::Read(options.vocabulary_path);
   OrbOptions orb;
   orb.num_features = options.num_features;
   if (orb.num_features == 0) orb.num_features = camera.width * camera.height <= 1000000 ? 1000 : 2000;
   orb.Check();
   const FrameMaker maker(input_camera, camera, orb);
-  const std::string session = !options.session.empty() ? options.session : is_live ? NewSessionId() : SessionForFile(options);
+  const std::string session = !options.session.empty() ? options.session
+                              : is_live                ? NewSessionId()
+                                                       : SessionForFile(options);
 
   Bus bus(ResolveLcmUrl(options.process.lcm_url), options.process.channel_prefix);
   HealthReporter health(&bus, "frontend");
@@ -246,7 +258,8 @@ int RunFrontend(const RunOptions& options) {
   health.Tick();
   if (!sender.Flush(cut_off ? kStopFlushTimeoutMs : kFlushTimeoutMs)) {
     const std::string why = sender.StoreError().empty() ? "the submap store does not answer" : sender.StoreError();
-    throw std::runtime_error(std::to_string(sender.LastSeq() - sender.AcknowledgedSeq()) + " records were not stored (" + why + ")" +
+    throw std::runtime_error(std::to_string(sender.LastSeq() - sender.AcknowledgedSeq()) +
+                             " records were not stored (" + why + ")" +
                              (options.outbox_path.empty() ? "" : "; they are kept in " + options.outbox_path));
   }
   report();

@@ -7,8 +7,8 @@
 
 namespace mapmend {
 
-// How images come: all of a file, one after the other (lockstep: the result does not depend on timing); a file at the pace of its
-// times; a camera on the bus. In the last two, images that come while the frontend is busy are dropped.
+// How images come: all of a file, one after the other (lockstep: the result does not depend on timing); a file at the
+// pace of its times; a camera on the bus. In the last two, images that come while the frontend is busy are dropped.
 enum class InputMode { kLockstep, kRealtime, kLive };
 
 // The frontend's command line.
@@ -20,22 +20,23 @@ struct RunOptions {
   uint64_t seed = 1;
   std::string profile_path;  // JSON file for the time of each stage; empty: none
   InputMode mode = InputMode::kLockstep;
-  double speed = 1;       // kRealtime: times as fast as the images were taken
-  int max_waiting = 3;    // kRealtime, kLive: images that may wait for the frontend
+  double speed = 1;     // kRealtime: times as fast as the images were taken
+  int max_waiting = 3;  // kRealtime, kLive: images that may wait for the frontend
   FrontendOptions frontend;
 };
 
 // Every option as JSON, for the record in the session's first message.
 std::string ToJson(const RunOptions& options);
 
-// A session's name for a file: the same input, options and seed give the same UUID, so that a run can be repeated bit for bit.
+// A session's name for a file: the same input, options and seed give the same UUID, so that a run can be repeated bit
+// for bit.
 std::string SessionForFile(const RunOptions& options);
 
 // "lockstep", "realtime" or "live".
 std::string ModeName(InputMode mode);
 
-// Runs the frontend on its input until the end, or until a signal asks it to stop. Returns the process's exit code: 0, or 3 if
-// the input turned out to be truncated (what could be read is mapped).
+// Runs the frontend on its input until the end, or until a signal asks it to stop. Returns the process's exit code: 0,
+// or 3 if the input turned out to be truncated (what could be read is mapped).
 int RunFrontend(const RunOptions& options);
 
 }  // namespace mapmend

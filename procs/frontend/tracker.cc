@@ -11,7 +11,8 @@
 namespace mapmend {
 namespace {
 
-constexpr double kMaxViewAngleCos = 0.5;  // a point seen from more than 60 degrees off its usual direction looks different
+constexpr double kMaxViewAngleCos =
+    0.5;  // a point seen from more than 60 degrees off its usual direction looks different
 constexpr int kSpreadColumns = 8, kSpreadRows = 6;
 
 double Spread(const Frame& frame, const Pinhole& camera) {
@@ -28,7 +29,8 @@ double Spread(const Frame& frame, const Pinhole& camera) {
 
 }  // namespace
 
-std::vector<int> Tracker::VisiblePoints(const WorkingMap& map, const std::vector<int>& points, const Rigid3& pose) const {
+std::vector<int> Tracker::VisiblePoints(const WorkingMap& map, const std::vector<int>& points,
+                                        const Rigid3& pose) const {
   std::vector<int> visible;
   const Eigen::Matrix3d R = pose.rotation.toRotationMatrix();
   const Eigen::Vector3d center = pose.Center();
@@ -143,7 +145,8 @@ bool Tracker::MatchKeyframe(const WorkingMap& map, int keyframe, Frame* frame) c
   return Optimize(map, pnp.cam_from_world, frame, &num_inliers) && num_inliers >= options_.min_motion_matches * 3 / 4;
 }
 
-std::vector<int> Tracker::LocalKeyframes(const WorkingMap& map, const std::vector<int>& seeds, const Frame& frame) const {
+std::vector<int> Tracker::LocalKeyframes(const WorkingMap& map, const std::vector<int>& seeds,
+                                         const Frame& frame) const {
   std::vector<int> votes(map.Keyframes().size(), 0);
   for (const int p : frame.points) {
     if (p < 0) continue;
@@ -178,7 +181,8 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
     const std::vector<int> points = map->PointsOf(LocalKeyframes(*map, hints, *frame));
     for (const double factor : {1.0, 3.0}) {
       std::fill(frame->points.begin(), frame->points.end(), -1);
-      const int count = SearchPoints(*map, points, *prediction, factor * options_.motion_radius * camera_.width, false, 64, frame);
+      const int count =
+          SearchPoints(*map, points, *prediction, factor * options_.motion_radius * camera_.width, false, 64, frame);
       int inliers = 0;
       if (count >= options_.min_motion_matches && Optimize(*map, *prediction, frame, &inliers) &&
           inliers >= options_.min_motion_matches && inliers * 4 >= count) {
@@ -214,8 +218,8 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
   result.num_visible = static_cast<int>(visible.size());
   const bool is_enough = result.num_inliers >= options_.min_inliers && result.spread >= options_.min_spread;
   const double max_sigma = options_.max_position_sigma * (result.method == "descriptors" ? 1 : 2);
-  // A wrong pose finds the few points that made it, and none of the others that should be in view; or those that it finds
-  // would as well be seen from elsewhere.
+  // A wrong pose finds the few points that made it, and none of the others that should be in view; or those that it
+  // finds would as well be seen from elsewhere.
   if (!is_enough || result.num_inliers < options_.min_found_share * result.num_visible ||
       RelativePositionSigma(camera_, frame->cam_from_submap, Observations(*map, *frame)) > max_sigma) {
     if (is_enough) result.reason = "unsupported_pose";

@@ -11,37 +11,39 @@
 namespace mapmend {
 
 struct TrackerOptions {
-  int min_inliers = 25;               // fewer: the frame is not tracked
-  double min_spread = 0.08;           // share of the 8 x 6 cells of the image that hold an inlier
-  double min_found_share = 0.06;      // inliers, of the points of the local map that should be in view
-  double max_position_sigma = 0.0125; // of the median depth: four times that is a wrong pose. Twice as much with a prediction.
-  double motion_radius = 0.025;       // search radius around the motion model's prediction, of the image width
-  int min_motion_matches = 20;        // fewer: wider search, then descriptor matching
-  double local_radius_px = 4;         // search radius in the local map, at octave 0
+  int min_inliers = 25;           // fewer: the frame is not tracked
+  double min_spread = 0.08;       // share of the 8 x 6 cells of the image that hold an inlier
+  double min_found_share = 0.06;  // inliers, of the points of the local map that should be in view
+  double max_position_sigma =
+      0.0125;  // of the median depth: four times that is a wrong pose. Twice as much with a prediction.
+  double motion_radius = 0.025;  // search radius around the motion model's prediction, of the image width
+  int min_motion_matches = 20;   // fewer: wider search, then descriptor matching
+  double local_radius_px = 4;    // search radius in the local map, at octave 0
   int max_local_keyframes = 30;
   uint64_t seed = 1;
 };
 
 struct TrackResult {
   bool success = false;
-  std::string reason;        // if not: too_few_matches, too_few_inliers, unsupported_pose
-  std::string method;        // motion, wide, descriptors
+  std::string reason;  // if not: too_few_matches, too_few_inliers, unsupported_pose
+  std::string method;  // motion, wide, descriptors
   int num_inliers = 0;
-  int num_visible = 0;       // points of the local map that should be in view
+  int num_visible = 0;  // points of the local map that should be in view
   double spread = 0;
   int reference_keyframe = -1;  // that shares most points
 };
 
-// Finds the pose of a frame in the working map. Three ways, cheapest first: around the motion model's prediction; the same
-// with a wide window; descriptor matching to keyframes with PnP RANSAC (needs no prediction: survey photos move by a tenth of
-// the image and turn at the end of each strip). Then the local map is projected and all matches are optimised together.
+// Finds the pose of a frame in the working map. Three ways, cheapest first: around the motion model's prediction; the
+// same with a wide window; descriptor matching to keyframes with PnP RANSAC (needs no prediction: survey photos move by
+// a tenth of the image and turn at the end of each strip). Then the local map is projected and all matches are
+// optimised together.
 class Tracker {
  public:
   Tracker(const TrackerOptions& options, const Pinhole& camera, const Pyramid& pyramid)
       : options_(options), camera_(camera), pyramid_(pyramid) {}
 
-  // prediction: cam_from_submap by the motion model, if there is one. hints: keyframes to match with, best first. On success
-  // frame->points and cam_from_submap are set; on failure frame->points is all -1.
+  // prediction: cam_from_submap by the motion model, if there is one. hints: keyframes to match with, best first. On
+  // success frame->points and cam_from_submap are set; on failure frame->points is all -1.
   TrackResult Track(const std::optional<Rigid3>& prediction, const std::vector<int>& hints, WorkingMap* map,
                     Frame* frame) const;
 

@@ -7,7 +7,8 @@
 namespace mapmend {
 
 int WorkingMap::NumPoints() const {
-  return static_cast<int>(std::count_if(points_.begin(), points_.end(), [](const WorkingPoint& p) { return !p.removed; }));
+  return static_cast<int>(
+      std::count_if(points_.begin(), points_.end(), [](const WorkingPoint& p) { return !p.removed; }));
 }
 
 int WorkingMap::AddKeyframe(const FramePtr& frame) {
@@ -134,8 +135,8 @@ void WorkingMap::RefreshPoint(int point) {
   p.normal.normalize();
   const WorkingObservation& reference = p.observations.back();
   const Frame& frame = *keyframes_[reference.keyframe].frame;
-  p.max_distance = (frame.cam_from_submap * p.position).norm() *
-                   pyramid_.Scale(frame.features.keypoints[reference.feature].octave);
+  p.max_distance =
+      (frame.cam_from_submap * p.position).norm() * pyramid_.Scale(frame.features.keypoints[reference.feature].octave);
 }
 
 std::vector<int> WorkingMap::PointsOf(int keyframe) const {
@@ -163,7 +164,8 @@ std::vector<int> WorkingMap::PointsOf(const std::vector<int>& keyframes) const {
   std::vector<int> points;
   points.reserve(count);
   for (size_t i = 0; i < seen.size(); ++i) {
-    for (uint64_t word = seen[i]; word != 0; word &= word - 1) points.push_back(static_cast<int>(i * kBits) + std::countr_zero(word));
+    for (uint64_t word = seen[i]; word != 0; word &= word - 1)
+      points.push_back(static_cast<int>(i * kBits) + std::countr_zero(word));
   }
   return points;
 }

@@ -6,8 +6,8 @@
 #include "libs/mapping/records.h"
 #include "procs/frontend/frame.h"
 
-// The submap under construction, as the frontend works on it. Keyframes and points are addressed by their index; ids of the
-// stream are given out once, in order. Every change is noted, so that TakeUpdate can publish exactly what changed.
+// The submap under construction, as the frontend works on it. Keyframes and points are addressed by their index; ids of
+// the stream are given out once, in order. Every change is noted, so that TakeUpdate can publish exactly what changed.
 namespace mapmend {
 
 struct WorkingObservation {

@@ -51,8 +51,8 @@ Backend::Backend(const BackendOptions& options)
   if (!plan.start_hub) RefuseSharedStore();
 
   const std::string db = options_.db.empty() ? options_.out + "/map.db" : options_.db;
-  StartProcess("submap_store",
-               {FindProgram("submap_store"), "--db", db, "--vocabulary-hash", options_.vocabulary_hash}, OnExit::kRestart);
+  StartProcess("submap_store", {FindProgram("submap_store"), "--db", db, "--vocabulary-hash", options_.vocabulary_hash},
+               OnExit::kRestart);
   WaitUntilReady("submap_store");
   if (options_.with_merger) {
     std::vector<std::string> merger = {FindProgram("merger"), "--vocabulary", options_.vocabulary};

@@ -65,9 +65,10 @@ std::string UrlFromOptionOrEnvironment(const std::string& option) {
 }
 
 void AddBusOptions(CLI::App* sub, std::string* lcm_url, std::string* channel_prefix, std::string* log_level) {
-  sub->add_option("--lcm-url", *lcm_url,
-                  "LCM network, e.g. tcpq://127.0.0.1:7700; a hub is started there unless one runs (default: $LCM_DEFAULT_URL, "
-                  "else a private hub on a free port)");
+  sub->add_option(
+      "--lcm-url", *lcm_url,
+      "LCM network, e.g. tcpq://127.0.0.1:7700; a hub is started there unless one runs (default: $LCM_DEFAULT_URL, "
+      "else a private hub on a free port)");
   sub->add_option("--channel-prefix", *channel_prefix, "put before every channel name, so that runs can share a bus");
   sub->add_option("--log-level", *log_level, "of the log files in OUT/logs: debug, info, warn or error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error"}))

@@ -19,9 +19,12 @@ std::string Format(const char* format, Values... values) {
 
 const char* VerdictName(int8_t verdict) {
   switch (verdict) {
-    case connection_t::ACCEPTED: return "accepted";
-    case connection_t::DEACTIVATED: return "deactivated";
-    default: return "rejected";
+    case connection_t::ACCEPTED:
+      return "accepted";
+    case connection_t::DEACTIVATED:
+      return "deactivated";
+    default:
+      return "rejected";
   }
 }
 
@@ -41,9 +44,8 @@ EdgeTable::EdgeTable(graph_t graph, const std::vector<std::string>& session_orde
   const auto rank = [&](const std::string& session) {
     return std::find(session_order.begin(), session_order.end(), session) - session_order.begin();
   };
-  std::sort(submaps_.begin(), submaps_.end(), [&](const auto& l, const auto& r) {
-    return std::tuple(rank(l.first), l) < std::tuple(rank(r.first), r);
-  });
+  std::sort(submaps_.begin(), submaps_.end(),
+            [&](const auto& l, const auto& r) { return std::tuple(rank(l.first), l) < std::tuple(rank(r.first), r); });
 }
 
 int EdgeTable::Number(const std::string& session, int32_t submap) const {
@@ -78,16 +80,17 @@ std::string EdgeTable::Text(const std::vector<edge_decision_t>& decisions) const
   for (const connection_t& c : graph_.connections) connections.push_back(&c);
   std::stable_sort(connections.begin(), connections.end(),
                    [](const connection_t* l, const connection_t* r) { return l->strength > r->strength; });
-  std::string text = Format("%9s %5s %6s %7s %8s %7s  %-11s %-4s  %s\n", "submaps", "F", "M", "theta", "C", "scale", "verdict",
-                            "tree", "reason");
+  std::string text = Format("%9s %5s %6s %7s %8s %7s  %-11s %-4s  %s\n", "submaps", "F", "M", "theta", "C", "scale",
+                            "verdict", "tree", "reason");
   for (const connection_t* c : connections) {
     const std::string pair =
         std::to_string(Number(c->session_a, c->submap_a)) + " - " + std::to_string(Number(c->session_b, c->submap_b));
     const bool known = c->num_connected_frames > 0;
-    text += Format("%9s %5d %6d %7.1f %8.1f %7s  %-11s %-4s  ", pair.c_str(), c->num_connected_frames, c->num_common_points,
-                   c->median_angle_deg, c->strength, known ? Format("%.3f", c->b_from_a[7]).c_str() : "-",
-                   VerdictName(c->verdict), c->in_tree != 0 ? "yes" : "") +
-            c->reason + "\n";
+    text +=
+        Format("%9s %5d %6d %7.1f %8.1f %7s  %-11s %-4s  ", pair.c_str(), c->num_connected_frames, c->num_common_points,
+               c->median_angle_deg, c->strength, known ? Format("%.3f", c->b_from_a[7]).c_str() : "-",
+               VerdictName(c->verdict), c->in_tree != 0 ? "yes" : "") +
+        c->reason + "\n";
   }
   std::set<int32_t> components;
   for (const merged_submap_t& s : graph_.transforms.submaps) components.insert(s.component);

@@ -9,13 +9,14 @@
 
 namespace mapmend {
 
-// The connection graph for a person. Submaps are numbered as in the report: sessions in the store's order, then by submap.
+// The connection graph for a person. Submaps are numbered as in the report: sessions in the store's order, then by
+// submap.
 class EdgeTable {
  public:
   EdgeTable(graph_t graph, const std::vector<std::string>& session_order);
 
-  // A submap by its number, or by SESSION:NUMBER with the number within the session, whose name may be cut short. Throws
-  // std::runtime_error with one line: unknown, or not the only one.
+  // A submap by its number, or by SESSION:NUMBER with the number within the session, whose name may be cut short.
+  // Throws std::runtime_error with one line: unknown, or not the only one.
   std::pair<std::string, int32_t> FindSubmap(const std::string& text) const;
 
   // A line per evaluated pair, most strength first, then the state of the graph and the decisions in force.

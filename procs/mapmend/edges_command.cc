@@ -111,7 +111,8 @@ void WorkLive(const EdgesOptions& options, const std::string& url) {
   const EdgeTable before(AskMerger(&bus, kAnswerMs, [](const graph_t&) { return true; }), sessions);
   const edge_decisions_t all = Decide(&store, {MakeDecision(options, before)});
   const EdgeTable after(
-      AskMerger(&bus, kHeedMs, [&](const graph_t& graph) { return graph.num_decisions >= all.num_decisions; }), sessions);
+      AskMerger(&bus, kHeedMs, [&](const graph_t& graph) { return graph.num_decisions >= all.num_decisions; }),
+      sessions);
   std::fputs(after.Text(all.decisions).c_str(), stdout);
 }
 
@@ -176,7 +177,8 @@ void Work(const EdgesOptions& options) {
   }
 }
 
-void AddAction(CLI::App* edges, const std::string& name, const std::string& description, bool has_submaps, bool disable) {
+void AddAction(CLI::App* edges, const std::string& name, const std::string& description, bool has_submaps,
+               bool disable) {
   CLI::App* sub = edges->add_subcommand(name, description);
   const auto options = std::make_shared<EdgesOptions>();
   options->disable = disable;
@@ -192,7 +194,8 @@ void AddAction(CLI::App* edges, const std::string& name, const std::string& desc
     sub->add_option("--seed", options->file.seed, "for a file: that of the flight's run");
     sub->add_option("--groundtruth", options->file.groundtruth, "for a folder of results: TUM file for the report");
   }
-  sub->add_option("--vocabulary", options->file.vocabulary, "for a file: the one of the flights (default: mapmend's own)");
+  sub->add_option("--vocabulary", options->file.vocabulary,
+                  "for a file: the one of the flights (default: mapmend's own)");
   sub->add_option("--channel-prefix", options->channel_prefix, "of a live system");
   sub->callback([options] { Work(*options); });
 }
@@ -203,10 +206,12 @@ void AddEdgesCommand(CLI::App* app) {
   CLI::App* sub = app->add_subcommand("edges", "Look at the connections between submaps; switch one off, or on again");
   sub->require_subcommand(1);
   AddAction(sub, "list", "Every pair of submaps that was compared, with strength, verdict and reason", false, false);
-  AddAction(sub, "disable", "Do not use a connection, whatever speaks for it; the merged map is made without it", true, true);
+  AddAction(sub, "disable", "Do not use a connection, whatever speaks for it; the merged map is made without it", true,
+            true);
   AddAction(sub, "enable", "Take back a disable: the merger decides about the connection again", true, false);
   sub->footer(
-      "Decisions are kept in the map database: they hold after a restart, and for flights that are added later. On a run that\n"
+      "Decisions are kept in the map database: they hold after a restart, and for flights that are added later. On a "
+      "run that\n"
       "goes on they are heeded at once; on a file the merged map, and the exports of a folder, are made anew.");
 }
 

@@ -7,8 +7,8 @@
 
 namespace mapmend {
 
-// Runs one of mapmend's programs (argv[0] is its name) to its end, its output into the file log. Throws std::runtime_error,
-// failed followed by the program's error line, if it fails.
+// Runs one of mapmend's programs (argv[0] is its name) to its end, its output into the file log. Throws
+// std::runtime_error, failed followed by the program's error line, if it fails.
 void RunTool(const std::vector<std::string>& argv, const std::string& log, const std::string& failed);
 
 // After every process has stopped: removes the frontend's outbox, completes summary.json, has the viewer build

@@ -11,7 +11,8 @@ namespace mapmend {
 namespace {
 
 const ForwardCommand kForwardCommands[] = {
-    {"db", "submap_store", "", "Look into, check, compact or merge map databases: info, check, compact, forget, merge, hash"},
+    {"db", "submap_store", "",
+     "Look into, check, compact or merge map databases: info, check, compact, forget, merge, hash"},
     {"simulate", "simulate", "", "Make a synthetic flight with exact ground truth"},
 };
 

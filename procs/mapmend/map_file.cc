@@ -26,7 +26,8 @@ namespace fs = std::filesystem;
 
 std::string MakeTemporaryFolder() {
   std::string path = (fs::temp_directory_path() / "mapmend-XXXXXX").string();
-  if (mkdtemp(path.data()) == nullptr) throw std::runtime_error("cannot make a folder in " + fs::temp_directory_path().string());
+  if (mkdtemp(path.data()) == nullptr)
+    throw std::runtime_error("cannot make a folder in " + fs::temp_directory_path().string());
   fs::create_directories(path + "/logs");
   return path;
 }
@@ -59,7 +60,8 @@ MapFile::MapFile(const MapFileOptions& options) : options_(options) {
     backend.out = temporary_;
   } else {
     // Into the folder of the map itself, its exports are made anew; into another one, its map must not lie in the way.
-    const bool is_own = fs::exists(options_.out) && fs::equivalent(fs::absolute(options_.place.db).parent_path(), options_.out);
+    const bool is_own =
+        fs::exists(options_.out) && fs::equivalent(fs::absolute(options_.place.db).parent_path(), options_.out);
     out_folder_ = std::make_unique<OutFolder>(options_.out, false, is_own);
     backend.out = options_.out;
   }
@@ -91,8 +93,8 @@ std::string MapFile::Finish(const std::function<void(const std::string&)>& show)
     if (sessions.empty()) throw std::runtime_error(options_.place.db + ": holds no flight");
     revision_t revision;
     std::vector<revision_part_t> parts;
-    if (!options_.with_merger &&
-        (store.FetchRevision(-1, &revision, &parts) != StoreClient::RevisionStatus::kOk || revision.transforms.is_final == 0)) {
+    if (!options_.with_merger && (store.FetchRevision(-1, &revision, &parts) != StoreClient::RevisionStatus::kOk ||
+                                  revision.transforms.is_final == 0)) {
       throw std::runtime_error(options_.place.db + ": holds no final merged map; `mapmend merge` makes one");
     }
   }

@@ -20,8 +20,8 @@ MapPlace FindMap(const std::string& path);
 
 struct MapFileOptions {
   MapPlace place;
-  std::string out;          // folder for the exports; empty: none are written
-  std::string vocabulary;   // empty: mapmend's own
+  std::string out;         // folder for the exports; empty: none are written
+  std::string vocabulary;  // empty: mapmend's own
   std::string groundtruth;
   std::optional<int> seed;
   std::string log_level = "info";
@@ -29,7 +29,8 @@ struct MapFileOptions {
   bool forget_merged = false;  // what an earlier merger made, under whatever numbers, is removed first
 };
 
-// The processes on a database file without a flight. Logs go to OUT/logs, or to a temporary folder that goes with the object.
+// The processes on a database file without a flight. Logs go to OUT/logs, or to a temporary folder that goes with the
+// object.
 class MapFile {
  public:
   // Call InstallSignalHandlers first, once. Throws std::runtime_error with one line, Interrupted.
@@ -37,9 +38,9 @@ class MapFile {
   ~MapFile();
 
   Backend* backend() { return backend_.get(); }
-  // Ends sessions whose frontend died, waits until merger and viewer have done all of the map, stops everything, completes the
-  // exports. Returns the lines to print, empty without exports. Throws as the constructor does, also if there is no merged map
-  // to export.
+  // Ends sessions whose frontend died, waits until merger and viewer have done all of the map, stops everything,
+  // completes the exports. Returns the lines to print, empty without exports. Throws as the constructor does, also if
+  // there is no merged map to export.
   std::string Finish(const std::function<void(const std::string&)>& show);
 
  private:

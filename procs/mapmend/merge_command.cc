@@ -26,7 +26,8 @@ void Work(const MapFileOptions& options, const std::string& done) {
 void AddCommonOptions(CLI::App* sub, std::string* map, MapFileOptions* options) {
   sub->add_option("MAP", *map, "folder of results, or a map database")->required();
   sub->add_option("--groundtruth", options->groundtruth, "TUM file; the report then tells the accuracy");
-  sub->add_option("--vocabulary", options->vocabulary, "the one that the flights were mapped with (default: mapmend's own)");
+  sub->add_option("--vocabulary", options->vocabulary,
+                  "the one that the flights were mapped with (default: mapmend's own)");
   sub->add_option("--log-level", options->log_level, "of the log files in OUT/logs: debug, info, warn or error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
       ->capture_default_str();
@@ -35,7 +36,8 @@ void AddCommonOptions(CLI::App* sub, std::string* map, MapFileOptions* options) 
 }  // namespace
 
 void AddExportCommand(CLI::App* app) {
-  CLI::App* sub = app->add_subcommand("export", "Write the report, trajectories and point cloud of a map that was made before");
+  CLI::App* sub =
+      app->add_subcommand("export", "Write the report, trajectories and point cloud of a map that was made before");
   const auto options = std::make_shared<MapFileOptions>();
   const auto map = std::make_shared<std::string>();
   AddCommonOptions(sub, map.get(), options.get());
@@ -54,7 +56,8 @@ void AddMergeCommand(CLI::App* app) {
   const auto options = std::make_shared<MapFileOptions>();
   const auto map = std::make_shared<std::string>();
   AddCommonOptions(sub, map.get(), options.get());
-  sub->add_option("--out", options->out, "folder of the results (default: MAP, if that is a folder; else none are written)");
+  sub->add_option("--out", options->out,
+                  "folder of the results (default: MAP, if that is a folder; else none are written)");
   sub->add_option("--seed", options->seed, "of everything random; take that of the flight's run for the same map");
   sub->callback([options, map] {
     options->place = FindMap(*map);

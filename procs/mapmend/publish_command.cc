@@ -95,7 +95,8 @@ int Publish(PublishOptions options) {
       first_utime = image->utime;
       start = Clock::now();
     }
-    const std::chrono::duration<double, std::micro> due(static_cast<double>(image->utime - *first_utime) / options.speed);
+    const std::chrono::duration<double, std::micro> due(static_cast<double>(image->utime - *first_utime) /
+                                                        options.speed);
     if (!HandleUntil(&bus, start + std::chrono::duration_cast<Clock::duration>(due))) break;
     ++(bus.Publish(channels::kImage, message) ? num_sent : num_lost);
   }
@@ -116,12 +117,17 @@ int Publish(PublishOptions options) {
 }  // namespace
 
 void AddPublishCommand(CLI::App* app) {
-  CLI::App* sub = app->add_subcommand("publish", "Play a video or a folder of images onto the bus, as a camera would, for `mapmend run --live`");
+  CLI::App* sub = app->add_subcommand(
+      "publish", "Play a video or a folder of images onto the bus, as a camera would, for `mapmend run --live`");
   const auto options = std::make_shared<PublishOptions>();
-  sub->add_option("INPUT", options->input, "video file, or folder of images taken in the order of their names")->required();
-  sub->add_option("--times", options->times, "one time in seconds per line and frame (default: times.txt beside INPUT, else from the frame rate)");
+  sub->add_option("INPUT", options->input, "video file, or folder of images taken in the order of their names")
+      ->required();
+  sub->add_option("--times", options->times,
+                  "one time in seconds per line and frame (default: times.txt beside INPUT, else from the frame rate)");
   sub->add_option("--skip-frames", options->skip_frames, "frames to leave out, e.g. 80-120,200-240");
-  sub->add_option("--speed", options->speed, "times as fast as the images were taken")->check(CLI::Range(0.001, 1e6))->capture_default_str();
+  sub->add_option("--speed", options->speed, "times as fast as the images were taken")
+      ->check(CLI::Range(0.001, 1e6))
+      ->capture_default_str();
   sub->add_option("--format", options->format, "jpeg, or grey (8 bit, not compressed)")
       ->check(CLI::IsMember({"jpeg", "grey"}))
       ->capture_default_str();
@@ -129,7 +135,8 @@ void AddPublishCommand(CLI::App* app) {
   sub->add_flag("--no-wait", options->no_wait, "begin at once, whether a frontend listens or not");
   sub->add_flag("--no-end", options->no_end, "do not end the flight after the last image: more will come");
   sub->add_option("--lcm-url", options->lcm_url, "LCM network (default: $LCM_DEFAULT_URL, else tcpq://127.0.0.1:7700)");
-  sub->add_option("--channel-prefix", options->channel_prefix, "put before every channel name, so that runs can share a bus");
+  sub->add_option("--channel-prefix", options->channel_prefix,
+                  "put before every channel name, so that runs can share a bus");
   sub->footer("Exit codes: 0 done; 1 an error, told in one line; 3 INPUT ends early; 130 interrupted.");
   sub->callback([options] {
     const int code = Publish(*options);

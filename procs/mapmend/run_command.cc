@@ -10,7 +10,8 @@ namespace mapmend {
 void AddRunCommand(CLI::App* app) {
   CLI::App* sub = app->add_subcommand("run", "Map one flight: a video or a folder of images becomes one merged map");
   const auto options = std::make_shared<RunOptions>();
-  sub->add_option("INPUT", options->input, "video file, or folder of images taken in the order of their names; none with --live");
+  sub->add_option("INPUT", options->input,
+                  "video file, or folder of images taken in the order of their names; none with --live");
   sub->add_option("--camera", options->camera,
                   "calibration: ORB-SLAM, Kalibr, OpenCV or COLMAP format (default: camera.yaml beside INPUT)");
   sub->add_option(
@@ -29,27 +30,35 @@ void AddRunCommand(CLI::App* app) {
   sub->add_option("--lost-frames", options->lost_frames,
                   "consecutive frames without orientation that end a submap (default: 3)")
       ->check(CLI::Range(1, 100000));
-  sub->add_option("--relocalisation-frames", options->relocalisation_frames,
-                  "further frames in which a lost submap may be found again, unless a new one begins before (default: 10)")
+  sub->add_option(
+         "--relocalisation-frames", options->relocalisation_frames,
+         "further frames in which a lost submap may be found again, unless a new one begins before (default: 10)")
       ->check(CLI::Range(0, 100000));
   sub->add_option("--seed", options->seed, "of everything random; the same seed gives the same map");
   sub->add_option("--record", options->record, "folder: lcm-logger writes mapmend.lcmlog there, for `mapmend replay`");
   const auto lockstep = std::make_shared<bool>(false);
-  auto* lockstep_flag = sub->add_flag("--lockstep", *lockstep, "every frame of INPUT, however long it takes: the same map each time (the default)");
-  auto* realtime_flag = sub->add_flag("--realtime", options->realtime, "play INPUT at the pace of its times; frames that come while tracking is busy are dropped, and counted");
-  auto* live_flag = sub->add_flag("--live", options->live,
-                                  "images come over the bus (channel MAPMEND_IMAGE, e.g. from `mapmend publish`) until the camera ends the "
-                                  "stream, or Ctrl-C; frames that come while tracking is busy are dropped, and counted");
+  auto* lockstep_flag = sub->add_flag(
+      "--lockstep", *lockstep, "every frame of INPUT, however long it takes: the same map each time (the default)");
+  auto* realtime_flag = sub->add_flag(
+      "--realtime", options->realtime,
+      "play INPUT at the pace of its times; frames that come while tracking is busy are dropped, and counted");
+  auto* live_flag = sub->add_flag(
+      "--live", options->live,
+      "images come over the bus (channel MAPMEND_IMAGE, e.g. from `mapmend publish`) until the camera ends the "
+      "stream, or Ctrl-C; frames that come while tracking is busy are dropped, and counted");
   realtime_flag->excludes(lockstep_flag);
   live_flag->excludes(lockstep_flag)->excludes(realtime_flag);
-  sub->add_option("--speed", options->speed, "with --realtime: times as fast as the frames were taken (default: 1)")->check(CLI::Range(0.001, 1e6));
-  sub->add_option("--max-waiting", options->max_waiting, "with --realtime or --live: frames that may wait before the oldest is dropped (default: 3)")
+  sub->add_option("--speed", options->speed, "with --realtime: times as fast as the frames were taken (default: 1)")
+      ->check(CLI::Range(0.001, 1e6));
+  sub->add_option("--max-waiting", options->max_waiting,
+                  "with --realtime or --live: frames that may wait before the oldest is dropped (default: 3)")
       ->check(CLI::Range(1, 1000));
   sub->add_flag("--profile", options->profile,
                 "print the frontend's time per frame for each stage; also in summary.json and the report");
   sub->add_option("--port", options->port, "of the live page, 0: none (default: a free one from 8080 on)");
   sub->add_option("--vehicle", options->vehicle, "name of the camera's carrier, for the report");
-  sub->add_option("--session", options->session, "id of this flight in the map, a UUID (default: made from input and options; new with --append)");
+  sub->add_option("--session", options->session,
+                  "id of this flight in the map, a UUID (default: made from input and options; new with --append)");
   AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
   sub->footer(
       "Exit codes: 0 done; 1 an error, told in one line; 3 INPUT ends early (what could be read is mapped); 130 "

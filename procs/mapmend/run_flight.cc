@@ -26,8 +26,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// A flight's own name: equal input and options give equal streams, down to the name. A flight that joins an existing map gets a
-// new one, because the map may hold it already.
+// A flight's own name: equal input and options give equal streams, down to the name. A flight that joins an existing
+// map gets a new one, because the map may hold it already.
 std::string SessionOf(const RunOptions& options) {
   if (!options.session.empty()) return options.session;
   if (options.append || options.live) return NewSessionId();
@@ -35,7 +35,8 @@ std::string SessionOf(const RunOptions& options) {
   std::string text = std::filesystem::absolute(input).lexically_normal().filename().string();
   if (std::filesystem::is_regular_file(input)) text += "|" + std::to_string(std::filesystem::file_size(input));
   for (const std::string& option : {options.skip_frames, options.vehicle}) text += "|" + option;
-  for (const auto& number : {options.seed, options.features, options.max_dimension}) text += "|" + std::to_string(number.value_or(-1));
+  for (const auto& number : {options.seed, options.features, options.max_dimension})
+    text += "|" + std::to_string(number.value_or(-1));
   for (const auto& number : {options.lost_frames, options.relocalisation_frames}) {
     if (number) text += "|" + std::to_string(*number);
   }
@@ -46,9 +47,9 @@ std::string SessionOf(const RunOptions& options) {
 std::string ProfilePath(const RunOptions& options) { return options.out + "/logs/profile.json"; }
 
 std::vector<std::string> FrontendArguments(const RunOptions& options, const std::string& session) {
-  std::vector<std::string> argv = {
-      FindProgram("frontend"), "--camera", options.camera, "--vocabulary",         options.vocabulary,
-      "--session",             session,    "--outbox",     options.out + "/outbox"};
+  std::vector<std::string> argv = {FindProgram("frontend"), "--camera",  options.camera, "--vocabulary",
+                                   options.vocabulary,      "--session", session,        "--outbox",
+                                   options.out + "/outbox"};
   argv.push_back(options.live ? "--live" : options.input);
   if (options.realtime) argv.push_back("--realtime");
   const auto add = [&](const char* name, const std::string& value) {
@@ -155,7 +156,9 @@ int RunFlight(const RunInputs& inputs) {
     std::filesystem::remove(ProfilePath(options));  // of an earlier flight into the same map
     Backend backend(backend_options);
     const std::string session = SessionOf(options);
-    progress.Say("mapping " + (options.live ? "the camera on " + options.channel_prefix + channels::kImage : options.input) + " into " + options.out + "; bus " + backend.Url() +
+    progress.Say("mapping " +
+                 (options.live ? "the camera on " + options.channel_prefix + channels::kImage : options.input) +
+                 " into " + options.out + "; bus " + backend.Url() +
                  (port > 0 ? "; live page http://127.0.0.1:" + std::to_string(port) : ""));
     WriteFile(options.out + "/logs/lcm-url", backend.Url() + "\n");
     std::unique_ptr<Recorder> recorder;
@@ -199,7 +202,8 @@ int RunFlight(const RunInputs& inputs) {
     LauncherFigures figures;
     AddFrontendFigures(frontend, options, &figures);
     // A frontend that was killed has not written it.
-    if (options.profile && std::filesystem::exists(ProfilePath(options))) figures.profile_json = ReadFile(ProfilePath(options));
+    if (options.profile && std::filesystem::exists(ProfilePath(options)))
+      figures.profile_json = ReadFile(ProfilePath(options));
     figures.processes = backend.StopAll();
     figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
     progress.Say(FinishRun(options.out, figures));

@@ -149,8 +149,10 @@ RunInputs CheckRunInputs(const RunOptions& given) {
   RunInputs inputs;
   inputs.options = given;
   RunOptions& options = inputs.options;
-  if (options.live) CheckLiveInput(&options);
-  else CheckFileInput(&inputs);
+  if (options.live)
+    CheckLiveInput(&options);
+  else
+    CheckFileInput(&inputs);
   if (options.speed && !options.realtime) Fail("--speed needs --realtime");
   if (options.max_waiting && !options.realtime && !options.live) Fail("--max-waiting needs --realtime or --live");
   if (!options.groundtruth.empty()) {

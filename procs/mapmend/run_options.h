@@ -22,15 +22,16 @@ struct RunOptions {
   std::string channel_prefix;
   std::string log_level = "info";
   std::optional<int> seed, features, max_dimension;  // unset: the processes' own defaults
-  std::optional<int> lost_frames, relocalisation_frames;  // of the loss criterion (paper, 3.2); unset: the frontend's own
-  std::optional<int> port;                           // of the live page; unset: a free one from 8080 on; 0: no page
-  bool overwrite = false;                            // replace the results of an earlier run in out
-  bool realtime = false;                             // play the input at its own pace, drop what comes too fast
-  bool live = false;                                 // images come over the bus
-  std::optional<double> speed;                       // with realtime; unset: 1
-  std::optional<int> max_waiting;                    // with realtime or live: frames that may wait; unset: the frontend's
-  bool profile = false;                              // time of each stage of the frontend, in the summary
-  bool append = false;                               // map this flight into the map that is already in out
+  std::optional<int> lost_frames,
+      relocalisation_frames;       // of the loss criterion (paper, 3.2); unset: the frontend's own
+  std::optional<int> port;         // of the live page; unset: a free one from 8080 on; 0: no page
+  bool overwrite = false;          // replace the results of an earlier run in out
+  bool realtime = false;           // play the input at its own pace, drop what comes too fast
+  bool live = false;               // images come over the bus
+  std::optional<double> speed;     // with realtime; unset: 1
+  std::optional<int> max_waiting;  // with realtime or live: frames that may wait; unset: the frontend's
+  bool profile = false;            // time of each stage of the frontend, in the summary
+  bool append = false;             // map this flight into the map that is already in out
 };
 
 struct RunInputs {

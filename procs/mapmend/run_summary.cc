@@ -105,7 +105,8 @@ std::string FormatSummaryTable(const std::string& out) {
                Number(summary, "ate_median_m"), Number(summary, "ate_max_m")));
   }
   if (summary.contains("max_error_of_depth")) {
-    row("", Format("largest error within a submap: %.2f %% of the distance to the scene", 100 * Number(summary, "max_error_of_depth")));
+    row("", Format("largest error within a submap: %.2f %% of the distance to the scene",
+                   100 * Number(summary, "max_error_of_depth")));
   }
   const double wall = Number(summary, "wall_s");
   std::string time = FormatDuration(wall) + Format(" (%.1f frames/s)", wall > 0 ? frames / wall : 0.0);

@@ -30,7 +30,8 @@ void EstimateConnection(const SubmapView& a, const SubmapView& b, const Connecti
   c->agrees.assign(c->evidence.size(), 0);
   c->verdict = Connection::Verdict::kRejected;
   if (c->evidence.empty()) {
-    c->reason = Format("none of %d proposed pairs of keyframes holds; best: ", c->num_candidates) + c->best_failure.reason;
+    c->reason =
+        Format("none of %d proposed pairs of keyframes holds; best: ", c->num_candidates) + c->best_failure.reason;
     return;
   }
 
@@ -76,7 +77,8 @@ void EstimateConnection(const SubmapView& a, const SubmapView& b, const Connecti
     angles.push_back(e.median_angle_rad * 180 / M_PI);
     ++c->num_connected_frames;
   }
-  // Drift bends submaps, so that no single similarity fits all evidence to a pixel: the robust loss finds the compromise.
+  // Drift bends submaps, so that no single similarity fits all evidence to a pixel: the robust loss finds the
+  // compromise.
   Sim3RefinementOptions refinement = options.refinement;
   refinement.max_squared_error = options.drift_squared_error;
   const Sim3RefinementResult refined = RefineSim3(Thinned(all, kMaxJoint), c->evidence[leader].b_from_a, refinement);
@@ -92,9 +94,9 @@ void EstimateConnection(const SubmapView& a, const SubmapView& b, const Connecti
     return;
   }
   c->verdict = Connection::Verdict::kAccepted;
-  c->reason = Format("%d connected frames (of %d looked at) with %d common map points, scale %.3f, median error %.2f px",
-                     c->num_connected_frames, c->num_candidates, c->num_common_points, c->b_from_a.scale,
-                     c->median_error_px);
+  c->reason =
+      Format("%d connected frames (of %d looked at) with %d common map points, scale %.3f, median error %.2f px",
+             c->num_connected_frames, c->num_candidates, c->num_common_points, c->b_from_a.scale, c->median_error_px);
   const int set_aside = static_cast<int>(c->evidence.size()) - c->num_connected_frames;
   if (set_aside > 0) c->reason += Format("; %d more contradict it and are set aside", set_aside);
 }

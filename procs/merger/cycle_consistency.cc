@@ -30,8 +30,8 @@ double PlacementSigma(const CycleEdge& edge, const Eigen::Vector3d& x_a) {
 }
 
 // Edges of the tree path from vertex `from` to `to`, in order.
-std::vector<int> TreePath(const std::vector<std::vector<int>>& tree_edges_of, const std::vector<CycleEdge>& edges, int from,
-                          int to) {
+std::vector<int> TreePath(const std::vector<std::vector<int>>& tree_edges_of, const std::vector<CycleEdge>& edges,
+                          int from, int to) {
   std::vector<int> via(tree_edges_of.size(), -1);
   std::vector<int> open = {from};
   std::vector<char> seen(tree_edges_of.size(), 0);

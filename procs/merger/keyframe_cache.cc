@@ -47,7 +47,8 @@ void KeyframeCache::Complete(const std::string& session, SubmapKeyframe* copy) c
   KeyframeRecord record = source_->Read(session, copy->seq);
   ++num_reads_;
   if (record.keyframe != copy->id || record.features.descriptors.size() != copy->features.keypoints.size()) {
-    throw std::runtime_error("the store has another keyframe under record " + std::to_string(copy->seq) + " of session " + session);
+    throw std::runtime_error("the store has another keyframe under record " + std::to_string(copy->seq) +
+                             " of session " + session);
   }
   copy->features.descriptors = std::move(record.features.descriptors);
   copy->nodes = std::move(record.nodes);

@@ -18,9 +18,10 @@ class KeyframeSource {
   virtual KeyframeRecord Read(const std::string& session, int64_t seq) = 0;
 };
 
-// Bounds what keyframes take in memory: descriptors and vocabulary nodes, the bulk of a keyframe, are held of the `capacity`
-// keyframes that were used last and read again of the others when they are needed. Where features lie and what they observe is
-// always there. What a keyframe's record says never changes, so results do not depend on the capacity.
+// Bounds what keyframes take in memory: descriptors and vocabulary nodes, the bulk of a keyframe, are held of the
+// `capacity` keyframes that were used last and read again of the others when they are needed. Where features lie and
+// what they observe is always there. What a keyframe's record says never changes, so results do not depend on the
+// capacity.
 class KeyframeCache {
  public:
   KeyframeCache(int capacity, KeyframeSource* source, std::map<std::string, Session>* sessions)
@@ -28,7 +29,8 @@ class KeyframeCache {
 
   // A keyframe that has just been added to its submap, complete. What nobody downstream asks for is dropped for good.
   void Add(const SubmapKey& submap, KeyframeId keyframe);
-  // Makes these keyframes of a submap complete. At most `capacity` at a time; they stay so until as many others were loaded.
+  // Makes these keyframes of a submap complete. At most `capacity` at a time; they stay so until as many others were
+  // loaded.
   void Load(const SubmapKey& submap, const std::vector<const SubmapKeyframe*>& keyframes);
   // Makes a copy complete without keeping anything.
   void Complete(const std::string& session, SubmapKeyframe* copy) const;
@@ -45,7 +47,7 @@ class KeyframeCache {
   const int capacity_;
   KeyframeSource* source_;
   std::map<std::string, Session>* sessions_;
-  std::list<Key> order_;                             // used last first
+  std::list<Key> order_;  // used last first
   std::map<Key, std::list<Key>::iterator> position_;
   mutable int64_t num_reads_ = 0;
 };

@@ -16,8 +16,8 @@ struct SpanningForest {
   int num_components = 0;
 };
 
-// Maximum spanning forest: Kruskal (Proc. AMS 1956) on the negated weights (paper §3.5). Ties go to the lower edge index, so
-// the result is a function of the input alone.
+// Maximum spanning forest: Kruskal (Proc. AMS 1956) on the negated weights (paper §3.5). Ties go to the lower edge
+// index, so the result is a function of the input alone.
 SpanningForest MaximumSpanningForest(int num_vertices, const std::vector<WeightedEdge>& edges);
 
 }  // namespace mapmend

@@ -24,7 +24,8 @@ class LatencyMeter {
   // The keyframe record is being worked on now.
   void OnDelivered(const std::string& session, int64_t seq) {
     const auto it = heard_.find({session, seq});
-    current_ = it == heard_.end() ? Clock::time_point() : it->second;  // fetched from the store: it came in another life
+    current_ =
+        it == heard_.end() ? Clock::time_point() : it->second;  // fetched from the store: it came in another life
     if (it != heard_.end()) heard_.erase(it);
   }
   void OnBroadcast() {

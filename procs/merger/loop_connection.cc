@@ -31,13 +31,15 @@ bool IsKnown(const Connection& loops, KeyframeId a, KeyframeId b) {
 
 }  // namespace
 
-void SeekSupport(const SubmapView& submap, const LoopClosureOptions& options, const VerifyLoop& verify, Connection* loops) {
+void SeekSupport(const SubmapView& submap, const LoopClosureOptions& options, const VerifyLoop& verify,
+                 Connection* loops) {
   for (const int i : FindLoneLoops(submap, loops->evidence, options)) {
     const ConnectedFrames lone = loops->evidence[i];
     bool confirmed = false;
     for (const bool at_b : {true, false}) {
       for (const int step : {1, -1}) {
-        const std::optional<KeyframeId> neighbor = Neighbor(*submap.submap, at_b ? lone.keyframe_b : lone.keyframe_a, step);
+        const std::optional<KeyframeId> neighbor =
+            Neighbor(*submap.submap, at_b ? lone.keyframe_b : lone.keyframe_a, step);
         const KeyframeId a = at_b ? lone.keyframe_a : neighbor.value_or(KeyframeId());
         const KeyframeId b = at_b ? neighbor.value_or(KeyframeId()) : lone.keyframe_b;
         if (confirmed || !neighbor || a == b || IsKnown(*loops, a, b)) continue;

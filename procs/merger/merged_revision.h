@@ -17,17 +17,17 @@ struct MergerCursor {
 
 // Where every submap stands.
 struct MergedTransforms {
-  int64_t revision = 0;   // grows: 2 * (records consumed + decisions of people), + 1 if refined
+  int64_t revision = 0;  // grows: 2 * (records consumed + decisions of people), + 1 if refined
   std::vector<MergerCursor> cursors;
   bool refined = false, is_final = false;
   struct Place {
     SubmapKey key;
-    int component = 0;    // 0: the one with most frames
+    int component = 0;  // 0: the one with most frames
     Similarity3 root_from_submap;
     bool is_root = false;
   };
-  std::vector<Place> submaps;               // oldest first
-  std::vector<std::pair<int, int>> edges;   // of the tree: indices into submaps
+  std::vector<Place> submaps;              // oldest first
+  std::vector<std::pair<int, int>> edges;  // of the tree: indices into submaps
 };
 
 // One submap of a refined map.

@@ -70,7 +70,8 @@ std::string MergerOptions::Check() const {
   if (const std::string e = cycles.Check(); !e.empty()) return "cycles: " + e;
   if (const std::string e = refinement.Check(); !e.empty()) return "refinement: " + e;
   if (const std::string e = live_refinement.Check(); !e.empty()) return "live_refinement: " + e;
-  if (max_cached_keyframes < connected_frames.max_window_size + connected_frames.window_size) return "the cache must hold the keyframes of two windows";
+  if (max_cached_keyframes < connected_frames.max_window_size + connected_frames.window_size)
+    return "the cache must hold the keyframes of two windows";
   if (max_proposals < 1 || max_verified_per_submap < 1 || max_accepted_per_submap < 1 || max_evidence < 1) {
     return "the limits must be positive";
   }
@@ -122,7 +123,8 @@ std::vector<MergerCursor> Merger::Cursors() const {
 }
 
 bool Merger::AllEnded() const {
-  return !sessions_.empty() && std::all_of(sessions_.begin(), sessions_.end(), [](const auto& s) { return s.second.ended; });
+  return !sessions_.empty() &&
+         std::all_of(sessions_.begin(), sessions_.end(), [](const auto& s) { return s.second.ended; });
 }
 
 int Merger::num_accepted() const {
@@ -185,8 +187,7 @@ void Merger::Evaluate(const std::string& session, SubmapId submap, KeyframeId ke
   if (!sessions_.at(session).submaps.at(submap).keyframes.contains(keyframe)) return;  // culled before its turn
   const SubmapKey query{session, submap};
   std::map<SubmapKey, std::pair<int, int>> looked_at_and_accepted;
-  for (const BowProposal& proposal :
-       bow_->Query({session, keyframe, Cursors(), options_.max_proposals, same_submap})) {
+  for (const BowProposal& proposal : bow_->Query({session, keyframe, Cursors(), options_.max_proposals, same_submap})) {
     const SubmapKey other{proposal.session, proposal.submap};
     const auto other_session = sessions_.find(other.session);
     if (other_session == sessions_.end() || !other_session->second.submaps.contains(other.submap) ||
@@ -304,7 +305,8 @@ void Merger::JudgeConnections(const std::set<PairKey>& evaluated, bool estimate_
   dirty_.clear();
 
   const auto credit = [&](int e) {
-    return RecognizedShare(View(active[e]->a), View(active[e]->b), *active[e], options_.max_evidence, options_.recognized);
+    return RecognizedShare(View(active[e]->a), View(active[e]->b), *active[e], options_.max_evidence,
+                           options_.recognized);
   };
   CycleConsistencyResult consistent =
       FindConsistentForest(static_cast<int>(keys.size()), edges, options_.cycles, credit);

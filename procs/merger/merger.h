@@ -63,15 +63,15 @@ struct MergerOptions {
   RecognizedShareOptions recognized;
   MergedRefinementOptions refinement;       // of the final map
   MergedRefinementOptions live_refinement;  // during the flight: fewer rounds, and a part of the points
-  int max_proposals = 20;            // asked of retrieval per keyframe
-  int max_verified_per_submap = 3;   // of them looked at, per other submap, best first ...
-  int max_accepted_per_submap = 1;   // ... until so many are accepted
-  NeighborsInTimeOptions neighbors;  // looked at besides
-  int max_evidence = 200;            // per connection: more adds cost and no knowledge
-  int max_evaluated_again = 30;      // keyframes of an ended submap without a connection that are asked once more
-  double live_growth = 1.5;          // refined anew when so many times the keyframes are joined, or the tree is another one
-  int max_live_keyframes = 600;      // larger maps are refined at the end only
-  int max_cached_keyframes = 500;    // held complete; of the others the bulk is read again when needed (keyframe_cache.h)
+  int max_proposals = 20;                   // asked of retrieval per keyframe
+  int max_verified_per_submap = 3;          // of them looked at, per other submap, best first ...
+  int max_accepted_per_submap = 1;          // ... until so many are accepted
+  NeighborsInTimeOptions neighbors;         // looked at besides
+  int max_evidence = 200;                   // per connection: more adds cost and no knowledge
+  int max_evaluated_again = 30;  // keyframes of an ended submap without a connection that are asked once more
+  double live_growth = 1.5;      // refined anew when so many times the keyframes are joined, or the tree is another one
+  int max_live_keyframes = 600;  // larger maps are refined at the end only
+  int max_cached_keyframes = 500;  // held complete; of the others the bulk is read again when needed (keyframe_cache.h)
 
   std::string Check() const;
 };
@@ -82,10 +82,10 @@ struct EdgeDecision {
   bool disabled = false;  // true: not to be used
 };
 
-// The merger proper, without LCM: consumes the stream, connects submaps, broadcasts transforms, and refines the merged map
-// (paper §3.6). The final map is a pure function of the stream and of the decisions of people: the same records and decisions
-// give the same bits, whatever was refined on the way.
-// A keyframe is evaluated when the map update that follows it has brought its map points; at the latest at the end of its submap.
+// The merger proper, without LCM: consumes the stream, connects submaps, broadcasts transforms, and refines the merged
+// map (paper §3.6). The final map is a pure function of the stream and of the decisions of people: the same records and
+// decisions give the same bits, whatever was refined on the way. A keyframe is evaluated when the map update that
+// follows it has brought its map points; at the latest at the end of its submap.
 class Merger {
  public:
   // keyframes: where to read what the cache does not hold; null: everything is held.
@@ -98,16 +98,17 @@ class Merger {
 
   // Every session seen has ended (and there is one).
   bool AllEnded() const;
-  // The second pass, once all sessions have ended: connections of all keyframes from scratch, with all submaps complete, also
-  // within a submap. Depends only on the sessions' content, not on what happened live.
+  // The second pass, once all sessions have ended: connections of all keyframes from scratch, with all submaps
+  // complete, also within a submap. Depends only on the sessions' content, not on what happened live.
   void Complete();
 
-  // Whether the merged map would gain by a refinement: the final one after Complete; before it, when the tree of a joined map
-  // has changed or the map has grown.
+  // Whether the merged map would gain by a refinement: the final one after Complete; before it, when the tree of a
+  // joined map has changed or the map has grown.
   bool RefinementIsDue() const;
   // The refinement that is due, to be run anywhere. Reads what the cache does not hold.
   RefinementTask MakeRefinement();
-  // Takes in its result and announces the revision. False if the map has changed too much meanwhile: another one is due then.
+  // Takes in its result and announces the revision. False if the map has changed too much meanwhile: another one is due
+  // then.
   bool TakeRefinement(const RefinementOutcome& outcome);
 
   // Complete, and the final refinement in this thread.
@@ -130,9 +131,9 @@ class Merger {
   // What the last refinement during the flight said.
   struct LiveRefinement {
     std::map<SubmapKey, RefinedPlace> places;
-    std::set<PairKey> pairs;   // connections that took part
+    std::set<PairKey> pairs;  // connections that took part
     std::set<PairKey> tree;
-    int num_keyframes = 0;     // of submaps that were joined to others
+    int num_keyframes = 0;  // of submaps that were joined to others
   };
 
   SubmapView View(const SubmapKey& key) const;
@@ -168,21 +169,21 @@ class Merger {
   std::map<std::string, Session> sessions_;
   KeyframeCache cache_;
   int64_t num_records_ = 0;
-  int64_t state_ = 0;                  // counts everything that can change the map
+  int64_t state_ = 0;  // counts everything that can change the map
   struct Pending {
     SubmapId submap;
     KeyframeId keyframe;
   };
   std::map<std::string, std::vector<Pending>> pending_;
   std::map<PairKey, Connection> connections_;
-  std::set<PairKey> dirty_;            // edges whose evidence changed since they were estimated
+  std::set<PairKey> dirty_;                                 // edges whose evidence changed since they were estimated
   std::set<std::pair<std::string, KeyframeId>> connected_;  // keyframes with an accepted connected frame
-  std::map<SubmapKey, Connection> loops_;  // of a submap with itself; known once complete
-  std::set<PairKey> disabled_;         // each the lesser key first
+  std::map<SubmapKey, Connection> loops_;                   // of a submap with itself; known once complete
+  std::set<PairKey> disabled_;                              // each the lesser key first
   int num_decisions_ = 0;
-  std::vector<TreeEdge> tree_;         // between indices into OrderedSubmaps()
+  std::vector<TreeEdge> tree_;  // between indices into OrderedSubmaps()
   SpanningForest forest_;
-  LiveRefinement live_, live_task_;    // taken in; being made
+  LiveRefinement live_, live_task_;  // taken in; being made
   bool complete_ = false;
   MergedTransforms transforms_;
 };

@@ -12,9 +12,12 @@ int32_t Count(const std::vector<T>& values) {
 
 int8_t VerdictCode(Connection::Verdict verdict) {
   switch (verdict) {
-    case Connection::Verdict::kAccepted: return connection_t::ACCEPTED;
-    case Connection::Verdict::kRejected: return connection_t::REJECTED;
-    case Connection::Verdict::kDeactivated: return connection_t::DEACTIVATED;
+    case Connection::Verdict::kAccepted:
+      return connection_t::ACCEPTED;
+    case Connection::Verdict::kRejected:
+      return connection_t::REJECTED;
+    case Connection::Verdict::kDeactivated:
+      return connection_t::DEACTIVATED;
   }
   return connection_t::REJECTED;
 }

@@ -87,7 +87,8 @@ class StoreKeyframeSource : public KeyframeSource {
         if (auto* keyframe = decoded.record ? std::get_if<KeyframeRecord>(&decoded.record->body) : nullptr) {
           return std::move(*keyframe);
         }
-        throw std::runtime_error("the store has no keyframe under record " + std::to_string(seq) + " of session " + session);
+        throw std::runtime_error("the store has no keyframe under record " + std::to_string(seq) + " of session " +
+                                 session);
       }
       if (StopRequested()) throw std::runtime_error("stopped while waiting for the store");
       spdlog::warn("merger: the store does not answer, trying again");
@@ -155,7 +156,8 @@ double ThreadCpuMs() {
 // The loop of the process: records and decisions in, revisions out, refinement beside it.
 class MergerLoop {
  public:
-  MergerLoop(const MergerProcessOptions& options, const MergerOptions& merger_options, const std::string& vocabulary_hash, Bus* bus)
+  MergerLoop(const MergerProcessOptions& options, const MergerOptions& merger_options,
+             const std::string& vocabulary_hash, Bus* bus)
       : options_(options),
         vocabulary_hash_(vocabulary_hash),
         bus_(bus),
@@ -193,7 +195,8 @@ class MergerLoop {
     if (const auto* start = std::get_if<SessionStarted>(&record.body)) {
       if (!vocabulary_hash_.empty() && !start->vocabulary_hash.empty() && start->vocabulary_hash != vocabulary_hash_) {
         throw std::runtime_error("session " + record.header.session + " was made with another vocabulary (" +
-                                 start->vocabulary_hash + ") than " + options_.vocabulary + " (" + vocabulary_hash_ + ")");
+                                 start->vocabulary_hash + ") than " + options_.vocabulary + " (" + vocabulary_hash_ +
+                                 ")");
       }
     }
     const bool is_keyframe = std::holds_alternative<KeyframeRecord>(record.body);
@@ -219,7 +222,8 @@ class MergerLoop {
 
   // In handlers only noted: they may run in the middle of an evaluation that waits for the store.
   void OnDecisions(const edge_decisions_t& message) {
-    if (message.decisions.size() < decisions_.size()) return;  // decisions are only ever added: an answer that came late
+    if (message.decisions.size() < decisions_.size())
+      return;  // decisions are only ever added: an answer that came late
     decisions_.clear();
     for (const edge_decision_t& d : message.decisions) {
       decisions_.push_back({{d.session_a, SubmapId(d.submap_a)}, {d.session_b, SubmapId(d.submap_b)}, d.disabled != 0});
@@ -245,7 +249,7 @@ class MergerLoop {
 
   void Complete() {
     health_.SetState("busy", "comparing all submaps");
-    refinement_.Abandon();  // what it would say is superseded
+    refinement_.Abandon();     // what it would say is superseded
     knows_decisions_ = false;  // a message may have been missed
     while (!AskForDecisions() && !StopRequested()) health_.Tick();
     Heed();
@@ -333,7 +337,7 @@ class MergerLoop {
   BackgroundRefinement refinement_;
   std::vector<EdgeDecision> decisions_;
   std::vector<graph_request_t> requests_;
-  std::optional<double> keyframe_ms_;   // CPU time of this thread
+  std::optional<double> keyframe_ms_;  // CPU time of this thread
   std::vector<double> evaluation_ms_;
   LatencyMeter::Clock::time_point times_reported_;
   bool knows_decisions_ = false;

@@ -32,7 +32,8 @@ RefinementOutcome RunRefinement(RefinementTask task, const std::function<void(co
     }
     const auto free_descriptors = [&] {
       for (const int i : members) {
-        for (auto& [id, keyframe] : task.parts[i].submap.keyframes) std::vector<Descriptor>().swap(keyframe.features.descriptors);
+        for (auto& [id, keyframe] : task.parts[i].submap.keyframes)
+          std::vector<Descriptor>().swap(keyframe.features.descriptors);
       }
     };
     const MergedRefinementResult result =

@@ -15,8 +15,8 @@ struct Lake {
   double x = 0, y = 0, radius_x = 0, radius_y = 0, yaw = 0;
 };
 
-// A square of land that looks the same a second time: ground, plants, light and shade, on the hills that are there. Houses and cars
-// are not copied.
+// A square of land that looks the same a second time: ground, plants, light and shade, on the hills that are there.
+// Houses and cars are not copied.
 struct Twin {
   double from_x = 0, from_y = 0, to_x = 0, to_y = 0;  // the corners with the least coordinates
   double size = 0;                                    // 0: there is none
@@ -31,10 +31,10 @@ struct AerialOptions {
   double road_spacing = 110;
   // Shares of the blocks.
   double houses = 3, park = 2, fields = 2, marsh = 1, forest = 1;
-  double trees = 1;     // how many, as a multiple of the usual
+  double trees = 1;      // how many, as a multiple of the usual
   double foliage = 0.5;  // contrast of single leaves and blades, which change with the direction of view, at most 0.9
   double leaf_angle = 0.8, leaf_time = 30;  // how long one is seen: tangent of a direction, seconds of wind
-  double grain = 0.35;  // contrast of the ground's finest pattern
+  double grain = 0.35;                      // contrast of the ground's finest pattern
   double roughness =
       0;  // of reed, crops and undergrowth, metres: real relief, with light and shade, and slower to render
   std::vector<Lake> lakes;

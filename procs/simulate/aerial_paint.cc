@@ -58,7 +58,8 @@ class Ground {
   Color Forest() const {
     const Color floor = At(materials_.marsh, 7) * Color{0.62f, 0.62f, 0.5f, 1};
     return Leafy(
-        Blend(floor, At(materials_.bush, 8) * 0.8f, Smooth(-0.1, 0.1, Fbm(x_ / 12, y_ / 12, 5, 0.6, seed_ + 18))), kMarshLeaves);
+        Blend(floor, At(materials_.bush, 8) * 0.8f, Smooth(-0.1, 0.1, Fbm(x_ / 12, y_ / 12, 5, 0.6, seed_ + 18))),
+        kMarshLeaves);
   }
   // Strips of crops, each ploughed along its own direction, with ridges between them.
   Color Fields(const AerialLayout::Place& place) const {
@@ -121,21 +122,20 @@ class Ground {
       const Color gravel = Blend(Concrete(x_ + 0.31 * y_, y_, seed_ + 27), At(materials_.dry_lawn, 17), 0.55) *
                            Color{0.98f, 0.9f, 0.8f, 1} * worn;
       const Color grass = Park();
-      return Blend(Blend(gravel, grass, Smooth(half - 0.7, half, road)), grass,
-                   Smooth(0.5, 0.15, road + 0.3 * patch));
+      return Blend(Blend(gravel, grass, Smooth(half - 0.7, half, road)), grass, Smooth(0.5, 0.15, road + 0.3 * patch));
     }
     const Color base = Asphalt(x_, y_, seed_ + 21) * worn;
     if (place.road > half && kind < 0.35 && place.road < 4.4) {
-      return place.road < half + 0.2 ? Concrete(x_, y_, seed_) * 0.95f
-                                     : Concrete(place.road, place.along, seed_ + 1) * static_cast<float>(0.8 + 0.2 * tone);
+      return place.road < half + 0.2
+                 ? Concrete(x_, y_, seed_) * 0.95f
+                 : Concrete(place.road, place.along, seed_ + 1) * static_cast<float>(0.8 + 0.2 * tone);
     }
     if (road > half) return Blend(base, Park(), Smooth(half, half + 0.4, road));
     const Color paint = Rgb(215, 213, 200);
     const double flaked = Fbm(x_ / 0.8, y_ / 0.8, 3, 0.6, seed_ + 22) + random.Uniform(-0.5, 0.3) > -0.2 ? 0.65 : 0.1;
     const double dash = place.along / 9 - std::floor(place.along / 9);
     const bool lines = random.Uniform() < 0.6;
-    if (lines && !place.crossing &&
-        ((place.road < 0.08 && dash < 0.4) || std::abs(place.road - (half - 0.3)) < 0.06))
+    if (lines && !place.crossing && ((place.road < 0.08 && dash < 0.4) || std::abs(place.road - (half - 0.3)) < 0.06))
       return Blend(base, paint, flaked);
     return base;
   }

@@ -124,7 +124,8 @@ std::vector<float> MakeLight(const AerialLayout& layout, const HeightGrid& grid,
           const double above = top.At(si, sj) - ray;
           if (above > 0) sun = std::min(sun, std::max(0.12, 1 - above / 0.5));
         }
-        light[static_cast<size_t>(j) * grid.width + i] = static_cast<float>(std::min(1.25, Light(normal, sun, normal.z() < 0.8 ? 0.6 : 0)));
+        light[static_cast<size_t>(j) * grid.width + i] =
+            static_cast<float>(std::min(1.25, Light(normal, sun, normal.z() < 0.8 ? 0.6 : 0)));
       }
     }
   });

@@ -29,7 +29,8 @@ void AddDbCommands(CLI::App* app) {
     if (!problems.empty()) throw CLI::RuntimeError(1);
   });
   add("compact", "Rewrite a database without unused space, in the newest schema", [path] { CompactDb(*path); });
-  add("forget", "Forget the merged map, not the flights: `mapmend merge` makes it anew", [path] { ForgetMergedMap(*path); });
+  add("forget", "Forget the merged map, not the flights: `mapmend merge` makes it anew",
+      [path] { ForgetMergedMap(*path); });
   add("hash", "Print a digest of the stream and of the merged map", [path] {
     const DbHash hash = HashDb(*path);
     std::cout << "stream " << hash.stream << "\nmap    " << (hash.map.empty() ? "none" : hash.map) << "\n";

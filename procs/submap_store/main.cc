@@ -34,7 +34,8 @@ int Main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   ApplyLogLevel(process);
   if (!app.get_subcommands().empty()) return 0;  // it has run
-  if (options.path.empty()) throw std::runtime_error("--db is required (or one of info, check, compact, forget, merge, hash)");
+  if (options.path.empty())
+    throw std::runtime_error("--db is required (or one of info, check, compact, forget, merge, hash)");
 
   InstallSignalHandlers();
   const auto store = Open(options);

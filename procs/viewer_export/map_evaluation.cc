@@ -22,7 +22,9 @@ DepthShare ShareOfDepth(const Submap& submap, const Evaluation& evaluation) {
   for (size_t i = 0; i < evaluation.pairs.size(); ++i) {
     const int64_t utime = trajectory[evaluation.pairs[i].estimate].utime;
     auto nearest = depth_at.lower_bound(utime);
-    if (nearest == depth_at.end() || (nearest != depth_at.begin() && utime - std::prev(nearest)->first < nearest->first - utime)) --nearest;
+    if (nearest == depth_at.end() ||
+        (nearest != depth_at.begin() && utime - std::prev(nearest)->first < nearest->first - utime))
+      --nearest;
     depths.push_back(nearest->second);
     const double value = evaluation.errors[i] / nearest->second;
     if (value > share.largest) {

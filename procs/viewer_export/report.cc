@@ -170,7 +170,8 @@ std::string SubmapTable(const Json& s) {
       for (const char* key : {"ate_rmse_m", "ate_max_m"}) {
         html += "<td>" + (m.contains(key) ? Fixed(m[key], 3) + " m" : std::string("–")) + "</td>";
       }
-      html += "<td>" + (m.contains("max_error_of_depth") ? Percent(m["max_error_of_depth"], 1) : std::string("–")) + "</td>";
+      html += "<td>" + (m.contains("max_error_of_depth") ? Percent(m["max_error_of_depth"], 1) : std::string("–")) +
+              "</td>";
     }
     const std::string reason = m["end_reason"], detail = m["end_detail"];
     const std::string words = reason.empty() ? "still growing" : EscapeXml(Readable(reason));
@@ -181,7 +182,8 @@ std::string SubmapTable(const Json& s) {
   if (errors) {
     html +=
         "<p class=\"note\">The errors are of each submap as it was tracked, aligned to the ground truth by itself "
-        "(rotation, translation and scale). <b>Max of depth</b>: the largest error of a frame as a share of the distance to the "
+        "(rotation, translation and scale). <b>Max of depth</b>: the largest error of a frame as a share of the "
+        "distance to the "
         "scene there.</p>\n";
   }
   return html;
@@ -235,17 +237,19 @@ std::string ConnectionTable(const Json& s) {
 std::string LoopTable(const Json& s) {
   if (!s.contains("loops") || s["loops"].empty()) return "";
   std::string html =
-      "<h2>Loops within submaps</h2>\n<div class=\"scroll\"><table>\n<tr><th>Submap</th><th class=\"text\">Verdict</th><th>F</th>"
+      "<h2>Loops within submaps</h2>\n<div class=\"scroll\"><table>\n<tr><th>Submap</th><th "
+      "class=\"text\">Verdict</th><th>F</th>"
       "<th>M</th><th>θ</th><th>C</th><th>Candidates</th><th class=\"text\">Reason</th></tr>\n";
   for (const Json& c : s["loops"]) {
-    html += "<tr><td>" + Chip(c["a"]) + "</td><td class=\"text\"><span class=\"verdict " + Escaped(c["verdict"]) + "\">" +
-            Escaped(c["verdict"]) + "</span></td><td>" + Int(c["F"]) + "</td><td>" + Int(c["M"]) + "</td><td>" +
+    html += "<tr><td>" + Chip(c["a"]) + "</td><td class=\"text\"><span class=\"verdict " + Escaped(c["verdict"]) +
+            "\">" + Escaped(c["verdict"]) + "</span></td><td>" + Int(c["F"]) + "</td><td>" + Int(c["M"]) + "</td><td>" +
             Fixed(c["theta_deg"], 1) + "°</td><td>" + Fixed(c["C"], 1) + "</td><td>" + Int(c["candidates"]) +
             "</td><td class=\"text\">" + Escaped(c["reason"]) + "</td></tr>\n";
   }
   html += "</table></div>\n";
   return html +
-         "<p class=\"note\">A submap that comes back to ground it has left: pairs of its own keyframes that see the same place. "
+         "<p class=\"note\">A submap that comes back to ground it has left: pairs of its own keyframes that see the "
+         "same place. "
          "Accepted: the drift of tracking between them is taken out.</p>\n";
 }
 
@@ -268,11 +272,12 @@ std::string ProfileTable(const Json& s) {
       "<th>Frames</th><th>Median</th><th>95 % below</th><th>Total</th></tr>\n";
   for (const Json& p : s["frontend"]["profile"]) {
     html += "<tr><td class=\"text\">" + Escaped(p.at("stage")) + "</td><td>" + Int(p.at("frames")) + "</td><td>" +
-            Fixed(p.at("median_ms"), 2) + " ms</td><td>" + Fixed(p.at("p95_ms"), 2) + " ms</td><td>" + Fixed(p.at("total_s"), 2) +
-            " s</td></tr>\n";
+            Fixed(p.at("median_ms"), 2) + " ms</td><td>" + Fixed(p.at("p95_ms"), 2) + " ms</td><td>" +
+            Fixed(p.at("total_s"), 2) + " s</td></tr>\n";
   }
   return html +
-         "</table></div>\n<p class=\"note\">Of the frames in which a stage ran. Stages named capture/ run ahead in a thread of "
+         "</table></div>\n<p class=\"note\">Of the frames in which a stage ran. Stages named capture/ run ahead in a "
+         "thread of "
          "their own; track+map/frame holds all stages of tracking and mapping.</p>\n";
 }
 

@@ -1,5 +1,6 @@
-// What the refinement of a merged map costs as the map grows: a survey of strips at 100 m (750 m long, 60 m apart, an image every
-// 30 m: 69 % forward and 53 % side overlap), some 800 features an image, a submap for every two strips, drift within submaps.
+// What the refinement of a merged map costs as the map grows: a survey of strips at 100 m (750 m long, 60 m apart, an
+// image every 30 m: 69 % forward and 53 % side overlap), some 800 features an image, a submap for every two strips,
+// drift within submaps.
 //
 // memory_mb is what the refinement takes at its peak beyond the submaps it is given.
 //

@@ -1,5 +1,6 @@
-// Perceptual aliasing in a rendered flight: where the first of four strips begins and where the third begins, 180 m apart, the land
-// looks the same. The connection that this brings about closes a cycle with the true ones, and is found out.
+// Perceptual aliasing in a rendered flight: where the first of four strips begins and where the third begins, 180 m
+// apart, the land looks the same. The connection that this brings about closes a cycle with the true ones, and is found
+// out.
 
 #include <gtest/gtest.h>
 
@@ -15,12 +16,13 @@ const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 TEST(AliasedCycle, TheWrongConnectionIsDeactivatedAndTheMapIsRight) {
   const TemporaryFolder folder;
   const std::string flight = folder / "flight", out = folder / "out";
-  const CommandResult rendered = RunCommand({kProgram, "simulate", "--quiet", "--scenario", "aliased_cycle", "--out", flight}, 120);
+  const CommandResult rendered =
+      RunCommand({kProgram, "simulate", "--quiet", "--scenario", "aliased_cycle", "--out", flight}, 120);
   ASSERT_EQ(rendered.exit_code, 0) << rendered.output;
-  const CommandResult run =
-      RunCommand({kProgram, "run", flight + "/video.mp4", "--camera", flight + "/camera.yaml", "--times", flight + "/times.txt",
-                  "--groundtruth", flight + "/groundtruth.tum", "--out", out, "--port", "0", "--seed", "1"},
-                 240);
+  const CommandResult run = RunCommand(
+      {kProgram, "run", flight + "/video.mp4", "--camera", flight + "/camera.yaml", "--times", flight + "/times.txt",
+       "--groundtruth", flight + "/groundtruth.tum", "--out", out, "--port", "0", "--seed", "1"},
+      240);
   ASSERT_EQ(run.exit_code, 0) << run.output;
 
   const nlohmann::json summary = nlohmann::json::parse(ReadText(out + "/summary.json"));

@@ -25,8 +25,8 @@ class BundledFlight : public testing::Test {
     // The frames around the break are left out: without them tracking cannot but be lost.
     // Port 0: no live page, so that a page that is open elsewhere is left alone.
     result_ = RunCommand({kProgram, "run", kFlight + "video.mp4", "--camera", kFlight + "camera.yaml", "--times",
-                          kFlight + "times.txt", "--skip-frames", "74-83", "--groundtruth", kFlight + "groundtruth.tum", "--out", Out(),
-                          "--record", *folder_ / "log", "--seed", "1", "--port", "0"},
+                          kFlight + "times.txt", "--skip-frames", "74-83", "--groundtruth", kFlight + "groundtruth.tum",
+                          "--out", Out(), "--record", *folder_ / "log", "--seed", "1", "--port", "0"},
                          900);
   }
   static void TearDownTestSuite() { folder_.reset(); }

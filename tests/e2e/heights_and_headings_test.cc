@@ -1,4 +1,5 @@
-// Submaps that see the same ground from other headings and heights find each other: rendered flights, cut where they turn and climb.
+// Submaps that see the same ground from other headings and heights find each other: rendered flights, cut where they
+// turn and climb.
 
 #include <gtest/gtest.h>
 
@@ -15,12 +16,13 @@ const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 nlohmann::json MapScenario(const std::string& scenario) {
   const TemporaryFolder folder;
   const std::string flight = folder / "flight", out = folder / "out";
-  const CommandResult rendered = RunCommand({kProgram, "simulate", "--quiet", "--scenario", scenario, "--out", flight}, 120);
+  const CommandResult rendered =
+      RunCommand({kProgram, "simulate", "--quiet", "--scenario", scenario, "--out", flight}, 120);
   EXPECT_EQ(rendered.exit_code, 0) << rendered.output;
-  const CommandResult run =
-      RunCommand({kProgram, "run", flight + "/video.mp4", "--camera", flight + "/camera.yaml", "--times", flight + "/times.txt",
-                  "--groundtruth", flight + "/groundtruth.tum", "--out", out, "--port", "0", "--seed", "1"},
-                 240);
+  const CommandResult run = RunCommand(
+      {kProgram, "run", flight + "/video.mp4", "--camera", flight + "/camera.yaml", "--times", flight + "/times.txt",
+       "--groundtruth", flight + "/groundtruth.tum", "--out", out, "--port", "0", "--seed", "1"},
+      240);
   EXPECT_EQ(run.exit_code, 0) << run.output;
   if (rendered.exit_code != 0 || run.exit_code != 0) return nullptr;
   return nlohmann::json::parse(ReadText(out + "/summary.json"));

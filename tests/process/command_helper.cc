@@ -131,7 +131,8 @@ pid_t FindProcess(const RunningCommand& run, const std::string& program) {
   // With the slash and the NUL about it, so that only the program itself is meant.
   const std::string word = "/" + program + std::string(1, '\0');
   for (const pid_t pid : run.Survivors()) {
-    if (pid != run.Pid() && ReadText("/proc/" + std::to_string(pid) + "/cmdline").find(word) != std::string::npos) return pid;
+    if (pid != run.Pid() && ReadText("/proc/" + std::to_string(pid) + "/cmdline").find(word) != std::string::npos)
+      return pid;
   }
   return -1;
 }

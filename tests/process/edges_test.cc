@@ -19,15 +19,17 @@ CommandResult Call(std::vector<std::string> arguments) {
 }
 std::string Hash(const std::string& db) { return Call({"db", "hash", db}).output; }
 nlohmann::json Summary(const std::string& out) { return nlohmann::json::parse(ReadText(out + "/summary.json")); }
-bool Contains(const CommandResult& result, const std::string& text) { return result.output.find(text) != std::string::npos; }
+bool Contains(const CommandResult& result, const std::string& text) {
+  return result.output.find(text) != std::string::npos;
+}
 
 // Two submaps that one connection joins, and the recording of their flight.
 class Edges : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = new TemporaryFolder;
-    const CommandResult run = Call({"run", kFlight + "video.mp4", "--skip-frames", "0-55,74-83,106-171", "--seed", "1", "--port", "0",
-                                    "--out", *folder_ / "flown", "--record", *folder_ / "log"});
+    const CommandResult run = Call({"run", kFlight + "video.mp4", "--skip-frames", "0-55,74-83,106-171", "--seed", "1",
+                                    "--port", "0", "--out", *folder_ / "flown", "--record", *folder_ / "log"});
     ASSERT_EQ(run.exit_code, 0) << run.output;
     ASSERT_EQ(Summary(*folder_ / "flown").at("components").size(), 1u);
   }
@@ -103,8 +105,9 @@ TEST_F(Edges, MergedAnewNothingOldRemains) {
 
 TEST_F(Edges, OnASystemAtWorkTheDecisionIsHeededToTheEnd) {
   const std::string out = *folder_ / "live";
-  RunningCommand run({kProgram, "replay", *folder_ / "log/mapmend.lcmlog", "--seed", "1", "--speed", "30", "--out", out},
-                     *folder_ / "live_output");
+  RunningCommand run(
+      {kProgram, "replay", *folder_ / "log/mapmend.lcmlog", "--seed", "1", "--speed", "30", "--out", out},
+      *folder_ / "live_output");
   CommandResult off;
   // As soon as there are two submaps.
   ASSERT_TRUE(WaitUntil(

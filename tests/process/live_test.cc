@@ -1,4 +1,5 @@
-// Real time: a file at the pace of its times, a camera on the bus. What comes while the frontend is busy is dropped and counted.
+// Real time: a file at the pace of its times, a camera on the bus. What comes while the frontend is busy is dropped and
+// counted.
 
 #include <gtest/gtest.h>
 #include <netinet/in.h>
@@ -37,7 +38,8 @@ std::string FreeUrl() {
 nlohmann::json Summary(const std::string& out) { return nlohmann::json::parse(ReadText(out + "/summary.json")); }
 
 std::vector<std::string> LiveArguments(const std::string& out, const std::string& url) {
-  return {kProgram, "run", "--live", "--camera", kFlight + "camera.yaml", "--out", out, "--port", "0", "--lcm-url", url};
+  return {kProgram, "run", "--live",    "--camera", kFlight + "camera.yaml", "--out", out,
+          "--port", "0",   "--lcm-url", url};
 }
 
 // The last health message of a live frontend.
@@ -82,18 +84,20 @@ TEST(Realtime, AFrontendThatIsTooSlowDropsFramesAndSaysHowMany) {
   EXPECT_EQ(summary["frontend"]["mode"], "realtime");
   EXPECT_GT(dropped, 0);
   EXPECT_EQ(dropped + read, 172);
-  EXPECT_NE(result.output.find(std::to_string(dropped) + " frames that came while the frontend was busy"), std::string::npos)
+  EXPECT_NE(result.output.find(std::to_string(dropped) + " frames that came while the frontend was busy"),
+            std::string::npos)
       << result.output;
-  EXPECT_NE(ReadText(out + "/logs/frontend.log").find(std::to_string(dropped) + " frames came while the frontend was busy"),
-            std::string::npos);
+  EXPECT_NE(
+      ReadText(out + "/logs/frontend.log").find(std::to_string(dropped) + " frames came while the frontend was busy"),
+      std::string::npos);
 }
 
 TEST(Live, ACameraOnTheBusGivesAMap) {
   const TemporaryFolder folder;
   const std::string out = folder / "out", url = FreeUrl();
   RunningCommand run(LiveArguments(out, url), folder / "run");
-  const CommandResult published = RunCommand({kProgram, "publish", kFlight + "video.mp4", "--skip-frames", "30-171", "--speed", "15",
-                                              "--lcm-url", url}, 120);
+  const CommandResult published = RunCommand(
+      {kProgram, "publish", kFlight + "video.mp4", "--skip-frames", "30-171", "--speed", "15", "--lcm-url", url}, 120);
   ASSERT_EQ(published.exit_code, 0) << published.output << ReadText(folder / "run");
   EXPECT_NE(published.output.find("30 images published"), std::string::npos) << published.output;
   const auto result = run.Wait(120);
@@ -101,7 +105,8 @@ TEST(Live, ACameraOnTheBusGivesAMap) {
   ASSERT_EQ(result->exit_code, 0) << result->output;
   EXPECT_EQ(run.Survivors(), std::vector<pid_t>());
   const nlohmann::json summary = Summary(out);
-  const int dropped = summary["frontend"]["frames_dropped"], read = summary["frames_in"], tracked = summary["frames_tracked"];
+  const int dropped = summary["frontend"]["frames_dropped"], read = summary["frames_in"],
+            tracked = summary["frames_tracked"];
   EXPECT_EQ(summary["frontend"]["mode"], "live");
   EXPECT_EQ(summary["frontend"]["bad_messages"], 0);
   EXPECT_EQ(dropped + read, 30);
@@ -129,19 +134,24 @@ TEST(Live, BadImagesAreCountedAndDroppedAndCtrlCEndsTheFlight) {
   cut.data.resize(1000);
   cut.num_bytes = 1000;
   no_jpeg.format = image_t::JPEG;
-  for (const image_t* bad : {&small, &unknown, &cut, &no_jpeg}) ASSERT_TRUE(frontend.bus()->Publish(channels::kImage, *bad));
+  for (const image_t* bad : {&small, &unknown, &cut, &no_jpeg})
+    ASSERT_TRUE(frontend.bus()->Publish(channels::kImage, *bad));
   const uint8_t garbage[] = {1, 2, 3};
   ASSERT_TRUE(frontend.bus()->PublishRaw(channels::kImage, garbage, 3));
-  EXPECT_TRUE(frontend.WaitFor([&] { return frontend.Counter("bad_messages") == 5; }, 20)) << frontend.Counter("bad_messages");
+  EXPECT_TRUE(frontend.WaitFor([&] { return frontend.Counter("bad_messages") == 5; }, 20))
+      << frontend.Counter("bad_messages");
   EXPECT_NE(frontend.Message().find("images are refused"), std::string::npos) << frontend.Message();
 
-  const CommandResult published = RunCommand({kProgram, "publish", kFlight + "video.mp4", "--skip-frames", "8-171", "--speed", "12",
-                                              "--no-end", "--format", "grey", "--lcm-url", url}, 120);
+  const CommandResult published = RunCommand({kProgram, "publish", kFlight + "video.mp4", "--skip-frames", "8-171",
+                                              "--speed", "12", "--no-end", "--format", "grey", "--lcm-url", url},
+                                             120);
   ASSERT_EQ(published.exit_code, 0) << published.output;
-  EXPECT_TRUE(frontend.WaitFor([&] { return frontend.Counter("frames") + frontend.Counter("frames_dropped") == 8; }, 30));
+  EXPECT_TRUE(
+      frontend.WaitFor([&] { return frontend.Counter("frames") + frontend.Counter("frames_dropped") == 8; }, 30));
   grey.utime = 1;  // long before the flight
   ASSERT_TRUE(frontend.bus()->Publish(channels::kImage, grey));
-  EXPECT_TRUE(frontend.WaitFor([&] { return frontend.Counter("bad_messages") == 6; }, 20)) << frontend.Counter("bad_messages");
+  EXPECT_TRUE(frontend.WaitFor([&] { return frontend.Counter("bad_messages") == 6; }, 20))
+      << frontend.Counter("bad_messages");
 
   run.Signal(SIGINT);
   const auto result = run.Wait(60);

@@ -14,7 +14,8 @@ namespace {
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
 
-// The second half of the first flight and the first half of the second: two submaps, and long enough to kill each process.
+// The second half of the first flight and the first half of the second: two submaps, and long enough to kill each
+// process.
 std::vector<std::string> RunArguments(const std::string& out) {
   return {kProgram,
           "run",

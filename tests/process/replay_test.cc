@@ -1,4 +1,5 @@
-// One recorded flight, replayed at three speeds, with merger and store killed at two points of each: always the same map.
+// One recorded flight, replayed at three speeds, with merger and store killed at two points of each: always the same
+// map.
 
 #include <gtest/gtest.h>
 
@@ -25,9 +26,10 @@ std::string Hash(const std::string& db) { return RunCommand({kProgram, "db", "ha
 TEST(Replay, TheMapIsTheSameAtEverySpeedAndAfterRestartsOfMergerAndStore) {
   const TemporaryFolder folder;
   // The last strip of the first flight and the first strips of the second: two submaps that become one map.
-  const CommandResult recorded = RunCommand({kProgram, "run", kFlight + "video.mp4", "--skip-frames", "0-55,74-83,106-171", "--seed", "1",
-                                             "--port", "0", "--out", folder / "flown", "--record", folder / "log"},
-                                            240);
+  const CommandResult recorded =
+      RunCommand({kProgram, "run", kFlight + "video.mp4", "--skip-frames", "0-55,74-83,106-171", "--seed", "1",
+                  "--port", "0", "--out", folder / "flown", "--record", folder / "log"},
+                 240);
   ASSERT_EQ(recorded.exit_code, 0) << recorded.output;
   const std::string flown = Hash(folder / "flown/map.db");
   ASSERT_NE(flown.find("map "), std::string::npos) << flown;
@@ -37,8 +39,9 @@ TEST(Replay, TheMapIsTheSameAtEverySpeedAndAfterRestartsOfMergerAndStore) {
   for (const std::string speed : {"0", "100", "40"}) {
     SCOPED_TRACE("speed " + speed);
     const std::string out = folder / ("replayed" + speed);
-    RunningCommand run({kProgram, "replay", folder / "log/mapmend.lcmlog", "--seed", "1", "--speed", speed, "--out", out},
-                       folder / ("output" + speed));
+    RunningCommand run(
+        {kProgram, "replay", folder / "log/mapmend.lcmlog", "--seed", "1", "--speed", speed, "--out", out},
+        folder / ("output" + speed));
     for (const double part : {0.25, 0.6}) {
       ASSERT_TRUE(WaitUntil([&] { return Size(out + "/map.db") + Size(out + "/map.db-wal") > part * size; }, 60))
           << ReadText(folder / ("output" + speed));

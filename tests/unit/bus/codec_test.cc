@@ -2,11 +2,10 @@
 
 #include <gtest/gtest.h>
 
-#include <random>
-
 #include <limits>
 #include <mapmend/keyframe_t.hpp>
 #include <mapmend/map_update_t.hpp>
+#include <random>
 
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
@@ -40,7 +39,8 @@ std::string ErrorOfChangedKeyframe(const std::function<void(keyframe_t*)>& chang
 TEST(Codec, EveryRecordComesBackAsItWas) {
   for (const Record& record : MakeSyntheticStream(SmallFlight())) {
     const EncodedRecord encoded = EncodeRecord(record);
-    const DecodedRecord decoded = DecodeRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()));
+    const DecodedRecord decoded =
+        DecodeRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()));
     ASSERT_TRUE(decoded.record) << decoded.error;
     EXPECT_EQ(decoded.record->body.index(), record.body.index());
     EXPECT_EQ(decoded.record->header.seq, record.header.seq);
@@ -69,7 +69,8 @@ TEST(Codec, PosesComeBackToTheLastBit) {
 TEST(Codec, KeyframeKeepsItsValues) {
   const Record record = MakeSyntheticStream(SmallFlight())[3];
   const EncodedRecord encoded = EncodeRecord(record);
-  const DecodedRecord decoded = DecodeRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()));
+  const DecodedRecord decoded =
+      DecodeRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()));
   const auto& a = std::get<KeyframeRecord>(record.body);
   const auto& b = std::get<KeyframeRecord>(decoded.record->body);
   EXPECT_EQ(encoded.channel, channels::kKeyframe);
@@ -88,13 +89,16 @@ TEST(Codec, RefusesWhatNoFrontendSends) {
   EXPECT_EQ(ErrorOfChangedKeyframe([](keyframe_t*) {}), "");
   EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->cam_from_submap[0] = std::nan(""); }).find("not finite"),
             std::string::npos);
-  EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->cam_from_submap[6] = 2; }).find("quaternion"), std::string::npos);
+  EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->cam_from_submap[6] = 2; }).find("quaternion"),
+            std::string::npos);
   EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->octave[2] = -1; }).find("octave"), std::string::npos);
   EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->map_point[2] = -2; }).find("map_point"), std::string::npos);
-  EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->keyframe = std::numeric_limits<int32_t>::max(); }).find("range"),
-            std::string::npos);
-  EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->y[0] = std::numeric_limits<float>::infinity(); }).find("finite"),
-            std::string::npos);
+  EXPECT_NE(
+      ErrorOfChangedKeyframe([](keyframe_t* m) { m->keyframe = std::numeric_limits<int32_t>::max(); }).find("range"),
+      std::string::npos);
+  EXPECT_NE(
+      ErrorOfChangedKeyframe([](keyframe_t* m) { m->y[0] = std::numeric_limits<float>::infinity(); }).find("finite"),
+      std::string::npos);
   EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { std::swap(m->bow_word[0], m->bow_word[1]); }).find("ascend"),
             std::string::npos);
   EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->bow_word.back() = InvertedIndex::kMaxWords; }).find("range"),
@@ -102,7 +106,8 @@ TEST(Codec, RefusesWhatNoFrontendSends) {
   EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->frame = std::numeric_limits<int32_t>::max(); }).find("range"),
             std::string::npos);
   EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->header.seq = -5; }).find("seq"), std::string::npos);
-  EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->header.session = "../etc"; }).find("session"), std::string::npos);
+  EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->header.session = "../etc"; }).find("session"),
+            std::string::npos);
   EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) {
               m->descriptors.pop_back();
               --m->num_descriptor_bytes;

@@ -109,8 +109,8 @@ TEST(Hub, SpeaksTheProtocolOfLcmsTcpService) {
 TEST(Hub, AnswersMessagesThatComeInPieces) {
   Hub hub(OnAnyPort());
   RawClient client(&hub);
-  const std::string bytes = RawClient::U32(0x287617fb) + RawClient::U32(0x0100) + RawClient::U32(2) + RawClient::Text("X") +
-                            Message("X", "payload");
+  const std::string bytes = RawClient::U32(0x287617fb) + RawClient::U32(0x0100) + RawClient::U32(2) +
+                            RawClient::Text("X") + Message("X", "payload");
   for (const char c : bytes) client.SendRaw(std::string(1, c));
   EXPECT_EQ(client.Receive(), kGreeting + Message("X", "payload"));
 }

@@ -8,7 +8,9 @@
 namespace mapmend {
 namespace {
 
-std::string Flight(const std::string& name) { return std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/" + name; }
+std::string Flight(const std::string& name) {
+  return std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/" + name;
+}
 
 std::string ErrorOf(const std::function<void()>& action) {
   try {
@@ -44,10 +46,12 @@ TEST(ImageSource, SkippedFramesKeepTheIndicesAndTimesOfTheOthers) {
 }
 
 TEST(ImageSource, MissingInputAndShortTimesAreNamed) {
-  EXPECT_NE(ErrorOf([] { ImageSource("/no/such/video.mp4", "", 0, {}); }).find("/no/such/video.mp4"), std::string::npos);
+  EXPECT_NE(ErrorOf([] { ImageSource("/no/such/video.mp4", "", 0, {}); }).find("/no/such/video.mp4"),
+            std::string::npos);
   const auto path = std::filesystem::temp_directory_path() / ("mapmend_times_" + std::to_string(::getpid()));
   std::ofstream(path) << "1.0\n2.0\n";
-  EXPECT_NE(ErrorOf([&] { ImageSource(Flight("video.mp4"), path.string(), 0, {}); }).find("2 times for 172 frames"), std::string::npos);
+  EXPECT_NE(ErrorOf([&] { ImageSource(Flight("video.mp4"), path.string(), 0, {}); }).find("2 times for 172 frames"),
+            std::string::npos);
   std::ofstream(path) << "1.0\n0.5\n";
   EXPECT_NE(ErrorOf([&] { ReadTimes(path.string()); }).find("line 2"), std::string::npos);
   std::filesystem::remove(path);

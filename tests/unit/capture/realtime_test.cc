@@ -15,7 +15,8 @@ using Clock = std::chrono::steady_clock;
 // count images, interval_us apart; throws instead of image `broken`.
 class CountingStream : public ImageStream {
  public:
-  CountingStream(int count, int64_t interval_us, int broken = -1) : count_(count), interval_us_(interval_us), broken_(broken) {}
+  CountingStream(int count, int64_t interval_us, int broken = -1)
+      : count_(count), interval_us_(interval_us), broken_(broken) {}
   std::optional<SourceImage> Next() override {
     if (next_ == broken_) throw std::runtime_error("broken");
     if (next_ == count_) return std::nullopt;

@@ -123,7 +123,8 @@ TEST(FeatureGrid, VisitsAlongASegment) {
   const FeatureGrid grid(keypoints, 800, 600, 40);
   const float margin = 7;
   for (int trial = 0; trial < 50; ++trial) {
-    const Eigen::Vector2f p0(x(rng), y(rng)), p1 = trial % 5 == 0 ? Eigen::Vector2f(x(rng), p0.y()) : Eigen::Vector2f(x(rng), y(rng));
+    const Eigen::Vector2f p0(x(rng), y(rng)),
+        p1 = trial % 5 == 0 ? Eigen::Vector2f(x(rng), p0.y()) : Eigen::Vector2f(x(rng), y(rng));
     std::vector<int> visits(keypoints.size(), 0);
     grid.VisitAlong(p0, p1, margin, [&](int i) { ++visits[i]; });
     int num_visited = 0;

@@ -12,8 +12,7 @@ namespace {
 
 // Runs the frontend and applies its records to the read model that everything downstream uses.
 struct Replay {
-  explicit Replay(const SyntheticScene& scene, bool mapping_thread = false)
-      : Replay(scene, Options(mapping_thread)) {}
+  explicit Replay(const SyntheticScene& scene, bool mapping_thread = false) : Replay(scene, Options(mapping_thread)) {}
   Replay(const SyntheticScene& scene, const FrontendOptions& options)
       : frontend(options, scene.Camera(), {}, nullptr, [this](int64_t utime, RecordBody body) {
           const std::string error = session.Apply({{"test", next_seq++, utime}, std::move(body)});

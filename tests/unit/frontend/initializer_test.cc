@@ -37,7 +37,9 @@ TEST(Initializer, PureRotationIsRefused) {
   initializer.AddFrame(scene.View(NadirPose(0, 0), 0));
   for (int i = 1; i < 4; ++i) {
     Rigid3 turned = NadirPose(0, 0, 0.1 * i);
-    turned = Rigid3(Eigen::Quaterniond(Eigen::AngleAxisd(0.05 * i, Eigen::Vector3d::UnitX())), Eigen::Vector3d::Zero()) * turned;
+    turned =
+        Rigid3(Eigen::Quaterniond(Eigen::AngleAxisd(0.05 * i, Eigen::Vector3d::UnitX())), Eigen::Vector3d::Zero()) *
+        turned;
     const Initialization result = initializer.AddFrame(scene.View(turned, i));
     EXPECT_FALSE(result.success);
     EXPECT_FALSE(result.reason.empty());
@@ -81,7 +83,8 @@ TEST(Initializer, ImagesOfDifferentPlacesAreRefused) {
   EXPECT_EQ(result.reason, "too_few_matches");
 }
 
-// A camera that drives forward: the first images soon share nothing with the current one, the last ones have no parallax.
+// A camera that drives forward: the first images soon share nothing with the current one, the last ones have no
+// parallax.
 TEST(Initializer, FindsThePartnerThatSharesEnough) {
   SyntheticScene scene(6000, -2, 10, 0.25, 5);
   Initializer initializer({}, scene.Camera(), {});

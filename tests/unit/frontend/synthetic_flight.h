@@ -12,7 +12,8 @@ namespace mapmend {
 // A scene of points with random descriptors, and exact views of it with pixel noise and flipped descriptor bits.
 class SyntheticScene {
  public:
-  // Points on the ground, x and y in [low, high], z in [-relief, relief]; the camera flies at z = -1 and looks down (+z).
+  // Points on the ground, x and y in [low, high], z in [-relief, relief]; the camera flies at z = -1 and looks down
+  // (+z).
   SyntheticScene(int num_points, double low, double high, double relief, uint64_t seed) : random_(seed) {
     for (int i = 0; i < num_points; ++i) {
       points_.emplace_back(low + (high - low) * random_.Uniform(), low + (high - low) * random_.Uniform(),

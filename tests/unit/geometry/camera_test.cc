@@ -60,17 +60,19 @@ TEST_F(ReadCameraTest, KalibrCamchain) {
 }
 
 TEST_F(ReadCameraTest, OpenCvCalibration) {
-  const Camera c = ReadCamera(Write("o.yaml",
-                                    "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n"
-                                    "   rows: 3\n   cols: 3\n   dt: d\n   data: [ 500., 0., 320., 0., 510., 240., 0., 0., 1. ]\n"
-                                    "distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n"
-                                    "   data: [ 0.1, -0.2, 0.001, 0.002, 0.05 ]\n"));
+  const Camera c =
+      ReadCamera(Write("o.yaml",
+                       "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n"
+                       "   rows: 3\n   cols: 3\n   dt: d\n   data: [ 500., 0., 320., 0., 510., 240., 0., 0., 1. ]\n"
+                       "distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n"
+                       "   data: [ 0.1, -0.2, 0.001, 0.002, 0.05 ]\n"));
   EXPECT_EQ(c.fy, 510);
   EXPECT_EQ(c.distortion[4], 0.05);
 }
 
 TEST_F(ReadCameraTest, ColmapPixelCentresAreHalfAPixelOff) {
-  const Camera c = ReadCamera(Write("cameras.txt", "# comment\n1 OPENCV 640 480 500 510 320.5 240.5 0.1 0.2 0.3 0.4\n"));
+  const Camera c =
+      ReadCamera(Write("cameras.txt", "# comment\n1 OPENCV 640 480 500 510 320.5 240.5 0.1 0.2 0.3 0.4\n"));
   EXPECT_EQ(c.cx, 320);
   EXPECT_EQ(c.cy, 240);
   EXPECT_EQ(c.distortion[3], 0.4);
@@ -78,10 +80,13 @@ TEST_F(ReadCameraTest, ColmapPixelCentresAreHalfAPixelOff) {
 
 TEST_F(ReadCameraTest, ErrorsNameTheFileAndTheKey) {
   EXPECT_NE(ErrorOf("/no/such/camera.yaml").find("/no/such/camera.yaml"), std::string::npos);
-  EXPECT_NE(ErrorOf(Write("a.yaml", "Camera.fx: 500\nCamera.fy: 500\nCamera.cx: 320\n")).find("Camera.cy is missing"), std::string::npos);
-  EXPECT_NE(ErrorOf(Write("b.yaml", "Camera.fx: much\nCamera.fy: 500\nCamera.cx: 1\nCamera.cy: 1\n")).find("Camera.fx is not a number"),
+  EXPECT_NE(ErrorOf(Write("a.yaml", "Camera.fx: 500\nCamera.fy: 500\nCamera.cx: 320\n")).find("Camera.cy is missing"),
             std::string::npos);
-  EXPECT_NE(ErrorOf(Write("c.yaml", "Camera.fx: -5\nCamera.fy: 500\nCamera.cx: 1\nCamera.cy: 1\n")).find("positive"), std::string::npos);
+  EXPECT_NE(ErrorOf(Write("b.yaml", "Camera.fx: much\nCamera.fy: 500\nCamera.cx: 1\nCamera.cy: 1\n"))
+                .find("Camera.fx is not a number"),
+            std::string::npos);
+  EXPECT_NE(ErrorOf(Write("c.yaml", "Camera.fx: -5\nCamera.fy: 500\nCamera.cx: 1\nCamera.cy: 1\n")).find("positive"),
+            std::string::npos);
   EXPECT_NE(ErrorOf(Write("cameras.txt", "1 FULL_OPENCV 640 480 1\n")).find("FULL_OPENCV"), std::string::npos);
 }
 
@@ -113,12 +118,32 @@ std::string WithKey(const std::string& text, const std::string& key, const char*
 
 TEST_F(ReadCameraTest, EachMissingOrWrongKeyIsNamed) {
   const CameraFormat formats[] = {
-      {"orb_slam.yaml", {{"Camera.fx", ""}, {"Camera.fy", ""}, {"Camera.cx", ""}, {"Camera.cy", ""}, {"Camera.k1", ""}, {"Camera.k2", ""},
-                         {"Camera.p1", ""}, {"Camera.p2", ""}, {"Camera.width", ""}, {"Camera.height", ""}}},
-      {"orb_slam_fisheye.yaml", {{"Camera.fx", ""}, {"Camera.cy", ""}, {"Camera.k1", ""}, {"Camera.k2", ""}, {"Camera.k3", ""}, {"Camera.k4", ""}}},
-      {"kalibr.yaml", {{"camera_model", "cam0."}, {"intrinsics", "cam0."}, {"distortion_model", "cam0."}, {"distortion_coeffs", "cam0."},
-                       {"resolution", "cam0."}}},
-      {"opencv.yaml", {{"image_width", ""}, {"image_height", ""}, {"camera_matrix", ""}, {"distortion_coefficients", ""}}},
+      {"orb_slam.yaml",
+       {{"Camera.fx", ""},
+        {"Camera.fy", ""},
+        {"Camera.cx", ""},
+        {"Camera.cy", ""},
+        {"Camera.k1", ""},
+        {"Camera.k2", ""},
+        {"Camera.p1", ""},
+        {"Camera.p2", ""},
+        {"Camera.width", ""},
+        {"Camera.height", ""}}},
+      {"orb_slam_fisheye.yaml",
+       {{"Camera.fx", ""},
+        {"Camera.cy", ""},
+        {"Camera.k1", ""},
+        {"Camera.k2", ""},
+        {"Camera.k3", ""},
+        {"Camera.k4", ""}}},
+      {"kalibr.yaml",
+       {{"camera_model", "cam0."},
+        {"intrinsics", "cam0."},
+        {"distortion_model", "cam0."},
+        {"distortion_coeffs", "cam0."},
+        {"resolution", "cam0."}}},
+      {"opencv.yaml",
+       {{"image_width", ""}, {"image_height", ""}, {"camera_matrix", ""}, {"distortion_coefficients", ""}}},
   };
   for (const CameraFormat& format : formats) {
     const std::string text = ReadAll(std::string(MAPMEND_SOURCE_DIR) + "/data/cameras/" + format.file);
@@ -128,7 +153,8 @@ TEST_F(ReadCameraTest, EachMissingOrWrongKeyIsNamed) {
       const bool is_matrix = key == "camera_matrix" || key == "distortion_coefficients";
       if (!is_matrix) {
         const std::string missing = ErrorOf(Write("missing.yaml", WithKey(text, key, nullptr)));
-        EXPECT_NE(missing.find("key " + prefix + key + " is missing"), std::string::npos) << format.file << ": " << missing;
+        EXPECT_NE(missing.find("key " + prefix + key + " is missing"), std::string::npos)
+            << format.file << ": " << missing;
         const std::string list = ErrorOf(Write("list.yaml", WithKey(text, key, "[1]")));
         EXPECT_NE(list.find("key " + prefix + key), std::string::npos) << format.file << ": " << list;
         const std::string word = ErrorOf(Write("word.yaml", WithKey(text, key, "nonsense")));
@@ -153,13 +179,21 @@ TEST_F(ReadCameraTest, WhatCannotBeRightIsRefused) {
     std::string text = opencv;
     return ErrorOf(Write("o.yaml", text.replace(text.find(from), from.size(), to)));
   };
-  EXPECT_NE(opencv_with("0.01538, 0., 0., 0.", "0.01538, 0., 0., 0., 0.1, 0.2, 0.3").find("more than 5"), std::string::npos);
+  EXPECT_NE(opencv_with("0.01538, 0., 0., 0.", "0.01538, 0., 0., 0., 0.1, 0.2, 0.3").find("more than 5"),
+            std::string::npos);
   EXPECT_NE(opencv_with("478.25, 0., 399.5", "478.25, 2., 399.5").find("camera_matrix.data is not"), std::string::npos);
-  EXPECT_NE(opencv_with("image_width: 800", "image_width: 800.5").find("image_width is not a number of pixels"), std::string::npos);
-  EXPECT_NE(opencv_with("image_width: 800", "fisheye_model: maybe\nimage_width: 800").find("fisheye_model is \"maybe\""), std::string::npos);
-  EXPECT_NE(ErrorOf(Write("cameras.txt", "1 OPENCV 800 600 478 478 400 x 0 0 0 0\n")).find("\"x\" is not a number"), std::string::npos);
-  EXPECT_NE(ErrorOf(Write("cameras.txt", "1 OPENCV 800 600 478 478 400 300 0 0 0\n")).find("needs 8 parameters, it has 7"), std::string::npos);
-  EXPECT_NE(ErrorOf(Write("cameras.txt", "1 PINHOLE 800 -600 478 478 400 300\n")).find("width and height"), std::string::npos);
+  EXPECT_NE(opencv_with("image_width: 800", "image_width: 800.5").find("image_width is not a number of pixels"),
+            std::string::npos);
+  EXPECT_NE(
+      opencv_with("image_width: 800", "fisheye_model: maybe\nimage_width: 800").find("fisheye_model is \"maybe\""),
+      std::string::npos);
+  EXPECT_NE(ErrorOf(Write("cameras.txt", "1 OPENCV 800 600 478 478 400 x 0 0 0 0\n")).find("\"x\" is not a number"),
+            std::string::npos);
+  EXPECT_NE(
+      ErrorOf(Write("cameras.txt", "1 OPENCV 800 600 478 478 400 300 0 0 0\n")).find("needs 8 parameters, it has 7"),
+      std::string::npos);
+  EXPECT_NE(ErrorOf(Write("cameras.txt", "1 PINHOLE 800 -600 478 478 400 300\n")).find("width and height"),
+            std::string::npos);
   EXPECT_NE(ErrorOf(Write("cameras.txt", "# nothing\n\r\n")).find("no camera found"), std::string::npos);
   EXPECT_NE(ErrorOf(Write("other.yaml", "a: 1\n")).find("none of the keys"), std::string::npos);
   EXPECT_NE(ErrorOf(Write("empty.yaml", "")).find("no camera found"), std::string::npos);

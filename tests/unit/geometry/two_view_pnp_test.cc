@@ -42,7 +42,8 @@ bool ContainsTruth(const std::vector<TwoViewHypothesis>& hypotheses, const Rigid
 }
 
 TEST(TwoView, HomographyHoldsTheTruthOnAPlaneWithOutliers) {
-  const Rigid3 truth(Eigen::Quaterniond(Eigen::AngleAxisd(0.2, Eigen::Vector3d(0.3, 0.1, 1).normalized())), {0.2, 0.05, 0.02});
+  const Rigid3 truth(Eigen::Quaterniond(Eigen::AngleAxisd(0.2, Eigen::Vector3d(0.3, 0.1, 1).normalized())),
+                     {0.2, 0.05, 0.02});
   TwoViews views = MakeViews(0, truth);
   for (size_t i = 0; i < views.second.size(); i += 4) views.second[i].x() += 0.1;
   const auto hypotheses = ProposeTwoViewMotions(views.first, views.second, 1.0 / 480, 1);
@@ -56,9 +57,7 @@ TEST(TwoView, EssentialHoldsTheTruthInARoughScene) {
   EXPECT_TRUE(ContainsTruth(hypotheses, truth, TwoViewModel::kEssential));
 }
 
-TEST(TwoView, TooFewMatchesGiveNothing) {
-  EXPECT_TRUE(ProposeTwoViewMotions({{0, 0}}, {{0, 0}}, 0.01, 1).empty());
-}
+TEST(TwoView, TooFewMatchesGiveNothing) { EXPECT_TRUE(ProposeTwoViewMotions({{0, 0}}, {{0, 0}}, 0.01, 1).empty()); }
 
 TEST(Triangulation, ExactRaysGiveTheExactPoint) {
   const Rigid3 b_from_a(Eigen::Quaterniond(Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitX())), {0.3, 0.1, 0});
@@ -74,7 +73,8 @@ TEST(Triangulation, ExactRaysGiveTheExactPoint) {
 }
 
 TEST(Pnp, FindsThePoseAmongSixtyPercentOutliers) {
-  const Rigid3 truth(Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Eigen::Vector3d(0.1, 0.2, 1).normalized())), {0.1, 0.2, 0.3});
+  const Rigid3 truth(Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Eigen::Vector3d(0.1, 0.2, 1).normalized())),
+                     {0.1, 0.2, 0.3});
   const TwoViews views = MakeViews(0.3, truth);
   std::vector<Eigen::Vector2d> pixels;
   Random random(5);

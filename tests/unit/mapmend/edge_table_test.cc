@@ -39,7 +39,8 @@ TEST(EdgeTable, NumbersSubmapsBySessionAndFindsThem) {
   EXPECT_EQ(table.FindSubmap("ab2:0"), std::pair(std::string("ab2"), 0));
   EXPECT_EQ(table.FindSubmap("ab:1"), std::pair(std::string("ab1"), 1));  // the only one of that number
   EXPECT_THROW(table.FindSubmap("ab:0"), std::runtime_error);
-  for (const char* bad : {"3", "-1", "", "ab1:", "ab3:0", "1x"}) EXPECT_THROW(table.FindSubmap(bad), std::runtime_error) << bad;
+  for (const char* bad : {"3", "-1", "", "ab1:", "ab3:0", "1x"})
+    EXPECT_THROW(table.FindSubmap(bad), std::runtime_error) << bad;
 }
 
 TEST(EdgeTable, ListsTheStrongestFirstAndWhatIsSwitchedOff) {

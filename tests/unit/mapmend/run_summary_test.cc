@@ -69,12 +69,14 @@ TEST_F(RunSummaryTest, TellsWhatWasDroppedAndRefused) {
 TEST_F(RunSummaryTest, TellsTheTimeOfEachStage) {
   WriteFile(out_ + "/summary.json", R"({"frames_in": 3})");
   LauncherFigures figures;
-  figures.profile_json = R"([{"stage": "track/motion", "frames": 3, "median_ms": 1.25, "p95_ms": 2.5, "total_s": 0.004}])";
+  figures.profile_json =
+      R"([{"stage": "track/motion", "frames": 3, "median_ms": 1.25, "p95_ms": 2.5, "total_s": 0.004}])";
   CompleteSummary(out_, figures);
   const auto summary = nlohmann::json::parse(ReadFile(out_ + "/summary.json"));
   EXPECT_EQ(summary["frontend"]["profile"], nlohmann::json::parse(figures.profile_json));
   const std::string table = FormatSummaryTable(out_);
-  EXPECT_NE(table.find("  track/motion                3        1.25      2.50      0.00\n"), std::string::npos) << table;
+  EXPECT_NE(table.find("  track/motion                3        1.25      2.50      0.00\n"), std::string::npos)
+      << table;
   figures.profile_json = "[";
   EXPECT_THROW(CompleteSummary(out_, figures), std::runtime_error);
 }

@@ -122,7 +122,8 @@ TEST_F(SupervisorTest, ReportsTheStatusOfAProcessThatMayEnd) {
 TEST_F(SupervisorTest, AddsUpWhatEveryIncarnationUsed) {
   // Memory is sampled every 100 ms: the child must live longer than that.
   Supervisor supervisor(options_);
-  supervisor.Start(Shell("busy", "i=0; while [ $i -lt 60000 ]; do i=$((i+1)); done; sleep 0.4; exit 0", OnExit::kReport));
+  supervisor.Start(
+      Shell("busy", "i=0; while [ $i -lt 60000 ]; do i=$((i+1)); done; sleep 0.4; exit 0", OnExit::kReport));
   ASSERT_TRUE(TickUntil(&supervisor, [&] { return supervisor.Status("busy").has_value(); }));
   const auto usage = supervisor.Usage();
   ASSERT_EQ(usage.size(), 1u);

@@ -23,8 +23,9 @@ double Uniform(std::mt19937_64* rng, double low, double high) {
 TEST(ReprojectionCost, AnalyticJacobiansEqualNumericOnes) {
   std::mt19937_64 rng(1);
   for (int trial = 0; trial < 40; ++trial) {
-    const Rigid3 pose(Eigen::Quaterniond(Uniform(&rng, -1, 1), Uniform(&rng, -1, 1), Uniform(&rng, -1, 1), Uniform(&rng, -1, 1)),
-                      {Uniform(&rng, -1, 1), Uniform(&rng, -1, 1), Uniform(&rng, -1, 1)});
+    const Rigid3 pose(
+        Eigen::Quaterniond(Uniform(&rng, -1, 1), Uniform(&rng, -1, 1), Uniform(&rng, -1, 1), Uniform(&rng, -1, 1)),
+        {Uniform(&rng, -1, 1), Uniform(&rng, -1, 1), Uniform(&rng, -1, 1)});
     SteppedPoses poses({pose});
     Eigen::Map<Vector6d> step(poses.Step(0));
     if (trial % 2 == 1) {
@@ -165,7 +166,8 @@ TEST(BundlePoints, LongTracksComeFirst) {
   problem.poses.resize(3);
   problem.points.resize(2);
   // Both points in one cell of each image; the second is seen once more.
-  problem.observations = {{0, 0, {10, 10}, 1}, {1, 0, {10, 10}, 1}, {0, 1, {20, 20}, 1}, {1, 1, {20, 20}, 1}, {2, 1, {20, 20}, 1}};
+  problem.observations = {
+      {0, 0, {10, 10}, 1}, {1, 0, {10, 10}, 1}, {0, 1, {20, 20}, 1}, {1, 1, {20, 20}, 1}, {2, 1, {20, 20}, 1}};
   EXPECT_EQ(ChooseBundlePoints(problem, 1), (std::vector<uint8_t>{0, 1}));
 }
 

@@ -9,7 +9,8 @@ namespace {
 
 TEST(OptimizePose, ConvergesToTheTruthAndMarksOutliers) {
   const Pinhole camera{480, 480, 400, 300, 800, 600};
-  const Rigid3 truth(Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d(1, 2, 3).normalized())), {0.1, -0.2, 0.3});
+  const Rigid3 truth(Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d(1, 2, 3).normalized())),
+                     {0.1, -0.2, 0.3});
   Random random(1);
   std::vector<PoseObservation> observations;
   for (int i = 0; i < 200; ++i) {

@@ -48,13 +48,14 @@ TEST(PoseUncertainty, IsTheScatterOfPoses) {
   EXPECT_LT(sigma, 1.6 * measured);
 }
 
-// A far and narrow group of points leaves open whether the camera has turned or moved. Two near ones would tell, but if they
-// are wrong, so is the pose.
+// A far and narrow group of points leaves open whether the camera has turned or moved. Two near ones would tell, but if
+// they are wrong, so is the pose.
 TEST(PoseUncertainty, AFewNearPointsAreNotTrusted) {
   Random random(3);
   std::vector<PoseObservation> observations;
   const auto add = [&](const Eigen::Vector3d& x) { observations.push_back({x, kCamera.Project(x), 1.0}); };
-  for (int i = 0; i < 70; ++i) add({2 * random.Uniform() - 1, 1.5 * random.Uniform() - 0.5, 7.5 + 0.5 * random.Uniform()});
+  for (int i = 0; i < 70; ++i)
+    add({2 * random.Uniform() - 1, 1.5 * random.Uniform() - 0.5, 7.5 + 0.5 * random.Uniform()});
   EXPECT_GT(RelativePositionSigma(kCamera, {}, observations), 0.0125);
   add({0.8, 0.5, 2});
   add({0.6, 0.2, 2.2});

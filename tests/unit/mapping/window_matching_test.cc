@@ -20,14 +20,17 @@ PooledMatch MatchAt(int point, double log_scale, double turn, int distance, int 
   return m;
 }
 
-// 60 matches by chance, most of them near equal size, and 6 good ones where the one image shows things four times larger, their
-// turn about half a circle.
+// 60 matches by chance, most of them near equal size, and 6 good ones where the one image shows things four times
+// larger, their turn about half a circle.
 std::vector<PooledMatch> FewAmongMany() {
   std::mt19937_64 random(3);
-  const auto uniform = [&](double low, double high) { return low + (high - low) * static_cast<double>(random() >> 11) * 0x1p-53; };
+  const auto uniform = [&](double low, double high) {
+    return low + (high - low) * static_cast<double>(random() >> 11) * 0x1p-53;
+  };
   std::vector<PooledMatch> matches;
   for (int i = 0; i < 60; ++i) matches.push_back(MatchAt(i, uniform(-0.8, 0.8), uniform(-M_PI, M_PI), 55, 1));
-  for (int i = 0; i < 6; ++i) matches.push_back(MatchAt(100 + i, -1.3 + 0.04 * i, (i % 2 ? 1 : -1) * (M_PI - 0.05 * i), 30, 3));
+  for (int i = 0; i < 6; ++i)
+    matches.push_back(MatchAt(100 + i, -1.3 + 0.04 * i, (i % 2 ? 1 : -1) * (M_PI - 0.05 * i), 30, 3));
   return matches;
 }
 

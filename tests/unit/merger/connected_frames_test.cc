@@ -33,7 +33,8 @@ Pair VerifyStrips(const std::vector<Rigid3>& poses_a, const std::vector<Rigid3>&
   pair.session = flight.Model();
   pair.truth = flight.submap_from_world()[1] * flight.submap_from_world()[0].Inverse();
   const int a = static_cast<int>(poses_a.size() / 2), b = static_cast<int>(poses_a.size() + poses_b.size() / 2);
-  pair.result = VerifyConnectedFrames(ViewOf(pair.session, 0), KeyframeId(a), ViewOf(pair.session, 1), KeyframeId(b), {});
+  pair.result =
+      VerifyConnectedFrames(ViewOf(pair.session, 0), KeyframeId(a), ViewOf(pair.session, 1), KeyframeId(b), {});
   return pair;
 }
 
@@ -99,7 +100,8 @@ TEST(ConnectedFrames, DifferentGroundIsRefusedWithAReason) {
 }
 
 TEST(ConnectedFrames, AgreementInOneSpotOfTheImageIsNotEnough) {
-  // Different ground but for one square of 15 m, an eighth of the image wide, that looks the same: an exact transform fits it.
+  // Different ground but for one square of 15 m, an eighth of the image wide, that looks the same: an exact transform
+  // fits it.
   TerrainOptions flat;
   flat.relief = 0;
   std::vector<TerrainPoint> terrain = MakeTerrain(flat);
@@ -117,7 +119,8 @@ TEST(ConnectedFrames, AgreementInOneSpotOfTheImageIsNotEnough) {
 
 TEST(ConnectedFrames, AnImplausibleScaleIsRefused) {
   std::mt19937_64 random(10);
-  const auto a = Strip({150, 200}, {200, 200}, 100, 5, 0, &random), b = Strip({150, 210}, {200, 210}, 100, 5, 90, &random);
+  const auto a = Strip({150, 200}, {200, 200}, 100, 5, 0, &random),
+             b = Strip({150, 210}, {200, 210}, 100, 5, 90, &random);
   EXPECT_TRUE(VerifyStrips(a, b, 7).result.success);
   EXPECT_TRUE(VerifyStrips(a, b, 1 / 7.0).result.success);
   for (const double scale : {9.0, 1 / 9.0}) {
@@ -130,7 +133,8 @@ TEST(ConnectedFrames, AnImplausibleScaleIsRefused) {
 
 TEST(ConnectedFrames, SameInputSameBits) {
   std::mt19937_64 random(8);
-  const auto a = Strip({150, 200}, {200, 200}, 100, 5, 0, &random), b = Strip({150, 210}, {200, 210}, 100, 5, 90, &random);
+  const auto a = Strip({150, 200}, {200, 200}, 100, 5, 0, &random),
+             b = Strip({150, 210}, {200, 210}, 100, 5, 90, &random);
   const Pair first = VerifyStrips(a, b, 2), second = VerifyStrips(a, b, 2);
   EXPECT_EQ(ToArray(first.result.b_from_a), ToArray(second.result.b_from_a));
   EXPECT_EQ(first.result.common_points, second.result.common_points);

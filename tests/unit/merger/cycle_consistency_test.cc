@@ -11,7 +11,8 @@ struct World {
 
   explicit World(int n) {
     for (int i = 0; i < n; ++i) {
-      world_from.push_back({1 + 0.3 * i, Eigen::Quaterniond(Eigen::AngleAxisd(0.7 * i, Eigen::Vector3d(1, i, 2).normalized())),
+      world_from.push_back({1 + 0.3 * i,
+                            Eigen::Quaterniond(Eigen::AngleAxisd(0.7 * i, Eigen::Vector3d(1, i, 2).normalized())),
                             Eigen::Vector3d(40.0 * i, -25.0 * i, 3.0 * i)});
     }
   }
@@ -33,8 +34,8 @@ struct World {
 
 TEST(CycleConsistency, TrueEdgesAllStay) {
   const World w(4);
-  const auto result =
-      FindConsistentForest(4, {w.Edge(0, 1, 9), w.Edge(1, 2, 8), w.Edge(2, 3, 7), w.Edge(0, 3, 6), w.Edge(0, 2, 5)}, {});
+  const auto result = FindConsistentForest(
+      4, {w.Edge(0, 1, 9), w.Edge(1, 2, 8), w.Edge(2, 3, 7), w.Edge(0, 3, 6), w.Edge(0, 2, 5)}, {});
   EXPECT_EQ(result.active, (std::vector<char>{1, 1, 1, 1, 1}));
   ASSERT_EQ(result.cycles.size(), 2u);
   for (const Cycle& c : result.cycles) EXPECT_LT(c.displacement, 1e-9);
@@ -42,8 +43,7 @@ TEST(CycleConsistency, TrueEdgesAllStay) {
 
 TEST(CycleConsistency, AWrongEdgeIsCaughtWhenItClosesACycle) {
   const World w(3);
-  const auto result =
-      FindConsistentForest(3, {w.Edge(0, 1, 9), w.Edge(1, 2, 8), w.Edge(0, 2, 3, {60, 0, 0})}, {});
+  const auto result = FindConsistentForest(3, {w.Edge(0, 1, 9), w.Edge(1, 2, 8), w.Edge(0, 2, 3, {60, 0, 0})}, {});
   EXPECT_EQ(result.active, (std::vector<char>{1, 1, 0}));
   EXPECT_NE(result.reason[2].find("60 % of the viewing distance"), std::string::npos) << result.reason[2];
   EXPECT_TRUE(result.reason[0].empty());
@@ -61,10 +61,9 @@ TEST(CycleConsistency, AWrongEdgeInTheTreeIsReplacedByTheTrueOne) {
 
 TEST(CycleConsistency, TwoWeakWrongEdgesDoNotOutvoteTheStrongTruth) {
   const World w(4);
-  const auto result = FindConsistentForest(4,
-                                           {w.Edge(0, 1, 9), w.Edge(1, 2, 8), w.Edge(2, 3, 7),
-                                            w.Edge(0, 2, 2, {70, 0, 0}), w.Edge(0, 3, 3, {0, 90, 0})},
-                                           {});
+  const auto result = FindConsistentForest(
+      4, {w.Edge(0, 1, 9), w.Edge(1, 2, 8), w.Edge(2, 3, 7), w.Edge(0, 2, 2, {70, 0, 0}), w.Edge(0, 3, 3, {0, 90, 0})},
+      {});
   EXPECT_EQ(result.active, (std::vector<char>{1, 1, 1, 0, 0}));
 }
 

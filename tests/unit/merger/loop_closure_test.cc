@@ -30,7 +30,8 @@ std::vector<Rigid3> Circle(int count, int per_turn, const Eigen::Vector2d& cente
   std::vector<Rigid3> poses;
   for (int i = 0; i < count; ++i) {
     const double phi = 2 * M_PI * i / per_turn;
-    poses.push_back(NadirPose(center.x() + radius * std::sin(phi), center.y() + radius * std::cos(phi), 100, 90 + phi * 180 / M_PI, &random));
+    poses.push_back(NadirPose(center.x() + radius * std::sin(phi), center.y() + radius * std::cos(phi), 100,
+                              90 + phi * 180 / M_PI, &random));
   }
   return poses;
 }
@@ -48,7 +49,8 @@ std::vector<Rigid3> SixStrips() {
 struct Flown {
   Flown(const std::vector<TerrainPoint>& terrain, const std::vector<Rigid3>& poses, const FlightOptions& options)
       : flight("s", 0, terrain, options) {
-    flight.AddSubmap(poses, {0.03, Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 1, 2).normalized())), {1, 2, 3}});
+    flight.AddSubmap(
+        poses, {0.03, Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 1, 2).normalized())), {1, 2, 3}});
     session = flight.Model();
   }
   SubmapView View() const { return testing::ViewOf(session, 0); }
@@ -85,11 +87,13 @@ struct Flown {
     for (size_t i = 0; i < truth.size(); ++i) sum += (t * estimated[i] - truth[i]).squaredNorm();
     return std::sqrt(sum / static_cast<double>(truth.size()));
   }
-  // By how much a loop is wrong about where its older keyframe lies, seen from the younger one; metres at 100 m altitude.
+  // By how much a loop is wrong about where its older keyframe lies, seen from the younger one; metres at 100 m
+  // altitude.
   double LoopError(const ConnectedFrames& loop) const {
-    const SubmapKeyframe &a = View().submap->keyframes.at(loop.keyframe_a), &b = View().submap->keyframes.at(loop.keyframe_b);
-    const Eigen::Vector3d estimate =
-        Similarity3(b.cam_from_submap) * loop.b_from_a * a.cam_from_submap.Center() * (100 / MedianDepth(*View().submap, b));
+    const SubmapKeyframe &a = View().submap->keyframes.at(loop.keyframe_a),
+                         &b = View().submap->keyframes.at(loop.keyframe_b);
+    const Eigen::Vector3d estimate = Similarity3(b.cam_from_submap) * loop.b_from_a * a.cam_from_submap.Center() *
+                                     (100 / MedianDepth(*View().submap, b));
     const auto& poses = flight.world_from_keyframe();
     return (estimate - poses[loop.keyframe_b.value].Inverse() * poses[loop.keyframe_a.value].translation).norm();
   }
@@ -221,18 +225,20 @@ TEST(LoopClosure, ALoneLoopAsksItsNeighboursAndIsRefusedWithoutThem) {
   const Flown flown(Terrain(), Circle(72, 60), Drifting());
   const std::vector<ConnectedFrames> loops = flown.FindLoops();
   ASSERT_FALSE(loops.empty());
-  const size_t strongest = static_cast<size_t>(
-      std::max_element(loops.begin(), loops.end(), [](const auto& l, const auto& r) { return l.num_inliers < r.num_inliers; }) -
-      loops.begin());
+  const size_t strongest =
+      static_cast<size_t>(std::max_element(loops.begin(), loops.end(),
+                                           [](const auto& l, const auto& r) { return l.num_inliers < r.num_inliers; }) -
+                          loops.begin());
   Connection connection;
   connection.evidence = {loops[strongest]};
   EstimateLoops(flown.View(), {}, &connection);
   EXPECT_EQ(connection.verdict, Connection::Verdict::kDeactivated);
   EXPECT_NE(connection.reason.find("neighbouring"), std::string::npos) << connection.reason;
 
-  SeekSupport(flown.View(), {},
-              [&](KeyframeId a, KeyframeId b) { return VerifyConnectedFrames(flown.View(), a, flown.View(), b, {}); },
-              &connection);
+  SeekSupport(
+      flown.View(), {},
+      [&](KeyframeId a, KeyframeId b) { return VerifyConnectedFrames(flown.View(), a, flown.View(), b, {}); },
+      &connection);
   EXPECT_EQ(connection.evidence.size(), 2u);
   EstimateLoops(flown.View(), {}, &connection);
   EXPECT_EQ(connection.verdict, Connection::Verdict::kAccepted) << connection.reason;

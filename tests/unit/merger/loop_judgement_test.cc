@@ -17,8 +17,8 @@ using testing::TerrainPoint;
 using testing::ViewOf;
 
 // One submap seen from these poses, and two of its keyframes verified against each other.
-ConnectedFrames VerifyLoop(const std::vector<TerrainPoint>& terrain, const std::vector<Rigid3>& poses, double scale_drift, int a,
-                           int b, Session* session) {
+ConnectedFrames VerifyLoop(const std::vector<TerrainPoint>& terrain, const std::vector<Rigid3>& poses,
+                           double scale_drift, int a, int b, Session* session) {
   FlightOptions options;
   options.scale_drift = scale_drift;
   SyntheticFlight flight("s", 0, terrain, options);
@@ -50,7 +50,8 @@ TEST(LoopJudgement, GroundThatOnlyLooksTheSameIsNot) {
   testing::CopyPatch({20, 50}, {250, 50}, 120, &terrain);
   std::mt19937_64 random(72);
   Session session;
-  const ConnectedFrames loop = VerifyLoop(terrain, Strip({80, 110}, {310, 110}, 100, 14, 90, &random), 0, 0, 13, &session);
+  const ConnectedFrames loop =
+      VerifyLoop(terrain, Strip({80, 110}, {310, 110}, 100, 14, 90, &random), 0, 0, 13, &session);
   ASSERT_TRUE(loop.success) << loop.reason;  // the two images alone do not tell
   const LoopJudgement judgement = Judge(session, loop);
   EXPECT_EQ(judgement.verdicts[0], LoopVerdict::kImplausible) << judgement.reason;

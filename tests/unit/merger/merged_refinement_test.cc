@@ -74,7 +74,8 @@ std::unique_ptr<DriftingSurvey> MakeDriftingSurvey() {
     survey->views.push_back({&submap, survey->session.info.pinhole, survey->session.info.pyramid});
   }
   for (const auto& [a, b] : std::vector<std::pair<int, int>>{{18, 30}, {14, 34}, {22, 26}}) {
-    const ConnectedFrames c = VerifyConnectedFrames(survey->views[0], KeyframeId(a), survey->views[1], KeyframeId(b), {});
+    const ConnectedFrames c =
+        VerifyConnectedFrames(survey->views[0], KeyframeId(a), survey->views[1], KeyframeId(b), {});
     EXPECT_TRUE(c.success) << c.reason;
     survey->links.push_back({0, 1, c.keyframe_a, c.keyframe_b, c.b_from_a});
   }
@@ -121,14 +122,16 @@ TEST(MergedRefinement, ALargeMapIsStraightenedByItsOverlapsAndAdjustedAtItsSeams
                                                         [&](const std::string& what) { told.push_back(what); });
   ASSERT_TRUE(result.summary.success) << result.summary.reason;
   EXPECT_EQ(result.summary.bundles.size(), 1u);
-  EXPECT_GE(std::count_if(told.begin(), told.end(), [](const auto& t) { return t.find("at the seams") != std::string::npos; }), 2);
+  EXPECT_GE(std::count_if(told.begin(), told.end(),
+                          [](const auto& t) { return t.find("at the seams") != std::string::npos; }),
+            2);
   EXPECT_LT(CenterError(result.map, survey->world_from_keyframe), 0.3 * before);
   EXPECT_LT(result.summary.after.median_px, 1.0);
   // The time is bounded by the number of windows.
   options.windows.max_windows = 1;
   told.clear();
-  const MergedRefinementResult one =
-      RefineMergedMap(survey->views, survey->tree, survey->links, options, [&](const std::string& what) { told.push_back(what); });
+  const MergedRefinementResult one = RefineMergedMap(survey->views, survey->tree, survey->links, options,
+                                                     [&](const std::string& what) { told.push_back(what); });
   EXPECT_EQ(std::count(told.begin(), told.end(), "a window of 20 keyframes at the seams"), 1);
   EXPECT_LT(one.summary.bundles[0].num_observations, result.summary.bundles[0].num_observations);
 }

@@ -1,10 +1,9 @@
-#include "procs/merger/merger.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <optional>
 
+#include "procs/merger/merger.h"
 #include "tests/unit/merger/merger_fixture.h"
 #include "tests/unit/merger/synthetic_flight.h"
 
@@ -37,7 +36,8 @@ TEST(MergerDeterminism, IsAPureFunctionOfTheStream) {
       EXPECT_EQ(first.submaps[s].points[i].position, second.submaps[s].points[i].position);
     }
     for (size_t i = 0; i < first.submaps[s].keyframes.size(); ++i) {
-      EXPECT_EQ(ToArray(first.submaps[s].keyframes[i].cam_from_root), ToArray(second.submaps[s].keyframes[i].cam_from_root));
+      EXPECT_EQ(ToArray(first.submaps[s].keyframes[i].cam_from_root),
+                ToArray(second.submaps[s].keyframes[i].cam_from_root));
     }
   }
 }
@@ -66,7 +66,8 @@ TEST(MergerDeterminism, TwoSessionsJoinWhateverTheOrderOfArrival) {
     ASSERT_EQ(outs[order].revision.edges.size(), 1u);
     EXPECT_EQ(outs[order].revision.submaps[0].key.session, "bbbb");  // the older one is the root
   }
-  EXPECT_EQ(ToArray(outs[0].revision.submaps[1].root_from_submap), ToArray(outs[1].revision.submaps[1].root_from_submap));
+  EXPECT_EQ(ToArray(outs[0].revision.submaps[1].root_from_submap),
+            ToArray(outs[1].revision.submaps[1].root_from_submap));
   EXPECT_EQ(outs[0].revision.revision, outs[1].revision.revision);
 }
 
@@ -158,7 +159,9 @@ TEST(MergerDeterminism, TheFinalMapIsAFunctionOfStreamAndDecisionsWheneverTheyWe
 TEST(MergerDeterminism, TheMapIsTheSameHoweverFewKeyframesAreHeld) {
   struct RecordSource : KeyframeSource {
     explicit RecordSource(const std::vector<Record>& all) : records(all) {}
-    KeyframeRecord Read(const std::string&, int64_t seq) override { return std::get<KeyframeRecord>(records.at(seq).body); }
+    KeyframeRecord Read(const std::string&, int64_t seq) override {
+      return std::get<KeyframeRecord>(records.at(seq).body);
+    }
     const std::vector<Record>& records;
   };
   const SyntheticFlight flight = ThreeCrossingStrips();

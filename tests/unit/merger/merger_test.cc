@@ -113,7 +113,8 @@ TEST(Merger, PerceptualAliasingIsCaughtAsSoonAsTheGraphClosesACycle) {
   Recorder out;
   Merger merger({}, &bow, &out);
   for (const Record& r : flight.records()) ASSERT_EQ(merger.Consume(r), "");
-  // At once: its first evidence closes the cycle 0 - 1 - 2, and already with that it is told to be wrong. It is never used.
+  // At once: its first evidence closes the cycle 0 - 1 - 2, and already with that it is told to be wrong. It is never
+  // used.
   const auto first = std::find_if(out.connections.begin(), out.connections.end(), [](const Connection& c) {
     return c.a.submap == SubmapId(0) && c.b.submap == SubmapId(2) && c.num_connected_frames > 0;
   });
@@ -149,7 +150,8 @@ TEST(Merger, AConnectionIsEstimatedAnewFromAllItsEvidenceAsItsSubmapsGrow) {
   for (const Record& r : flight.records()) merger.Consume(r);
   const size_t live = out.connections.size();
   merger.Finalize();
-  // What was said of the pair 0, 1 in the course of time: ever more connected frames and common points, an ever better scale.
+  // What was said of the pair 0, 1 in the course of time: ever more connected frames and common points, an ever better
+  // scale.
   std::vector<Connection> said;
   for (size_t i = 0; i < live; ++i) {
     const Connection& c = out.connections[i];
@@ -185,8 +187,8 @@ TEST(Merger, AConnectionIsAnnouncedWithTheMapUpdateThatBringsItsPoints) {
     merger.Consume(r);
     if (out.transforms.size() > known) {
       // Right after the keyframe's own update, or at the end of a submap; never only when the next keyframe comes.
-      const bool own_update = std::holds_alternative<MapUpdate>(r.body) && before &&
-                              std::holds_alternative<KeyframeRecord>(before->body);
+      const bool own_update =
+          std::holds_alternative<MapUpdate>(r.body) && before && std::holds_alternative<KeyframeRecord>(before->body);
       ++(own_update || std::holds_alternative<SubmapEnded>(r.body) ? in_time : late);
     }
     before = &r;
@@ -200,7 +202,8 @@ TEST(Merger, ALoopWithinASubmapIsClosedAndTold) {
   std::vector<Rigid3> circle;
   for (int i = 0; i < 42; ++i) {
     const double phi = 2 * M_PI * i / 36;
-    circle.push_back(NadirPose(200 + 70 * std::sin(phi), 200 + 70 * std::cos(phi), 100, 90 + phi * 180 / M_PI, &random));
+    circle.push_back(
+        NadirPose(200 + 70 * std::sin(phi), 200 + 70 * std::cos(phi), 100, 90 + phi * 180 / M_PI, &random));
   }
   FlightOptions options;
   options.max_features = 400;

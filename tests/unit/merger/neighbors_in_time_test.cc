@@ -36,7 +36,8 @@ TEST(NeighborsInTime, AreTheLastKeyframesOfTheTwoSubmapsBefore) {
   EXPECT_EQ(neighbors[0].first, SubmapId(1));
   EXPECT_EQ(neighbors[0].second, (std::vector<KeyframeId>{KeyframeId(10), KeyframeId(9), KeyframeId(8)}));
   EXPECT_EQ(neighbors[1].first, SubmapId(0));
-  EXPECT_EQ(neighbors[1].second, (std::vector<KeyframeId>{KeyframeId(7), KeyframeId(6), KeyframeId(5), KeyframeId(4), KeyframeId(3)}));
+  EXPECT_EQ(neighbors[1].second,
+            (std::vector<KeyframeId>{KeyframeId(7), KeyframeId(6), KeyframeId(5), KeyframeId(4), KeyframeId(3)}));
 }
 
 TEST(NeighborsInTime, OnlyTheFirstKeyframesHaveThem) {

@@ -8,36 +8,36 @@
 #include "procs/merger/kruskal.h"
 #include "procs/merger/merged_transforms.h"
 
-// Nine submaps, sixteen connections that become known one after the other, as in the paper's worked example (its Figure 5 and
-// Table 1). The numbers are our own: the paper's table was not at hand. Worked out by hand: after each connection, L1 holds those
-// in the tree and L2 those off it, both strongest first.
+// Nine submaps, sixteen connections that become known one after the other, as in the paper's worked example (its Figure
+// 5 and Table 1). The numbers are our own: the paper's table was not at hand. Worked out by hand: after each
+// connection, L1 holds those in the tree and L2 those off it, both strongest first.
 namespace mapmend {
 namespace {
 
 struct Row {
-  char name;          // of the connection that becomes known
-  int a, b;           // submaps, from 1
+  char name;  // of the connection that becomes known
+  int a, b;   // submaps, from 1
   int F, M;
-  double theta, C;    // C = F + 0.1 M + 0.1 theta^2
+  double theta, C;  // C = F + 0.1 M + 0.1 theta^2
   const char* L1;
   const char* L2;
-  int num_components; // of the nine
+  int num_components;  // of the nine
 };
 
 const Row kRows[] = {
     {'a', 1, 2, 2, 20, 10, 14.0, "a", "", 8},
     {'b', 2, 3, 3, 60, 0, 9.0, "ab", "", 7},
-    {'c', 1, 3, 1, 0, 10, 11.0, "ac", "b", 7},            // closes 1-2-3: b is the weakest
-    {'d', 4, 5, 2, 50, 0, 7.0, "acd", "b", 6},            // a second tree
-    {'e', 3, 4, 1, 40, 0, 5.0, "acde", "b", 5},           // joins the two
-    {'f', 1, 4, 3, 50, 0, 8.0, "acfd", "be", 5},          // a stronger joint than e
+    {'c', 1, 3, 1, 0, 10, 11.0, "ac", "b", 7},    // closes 1-2-3: b is the weakest
+    {'d', 4, 5, 2, 50, 0, 7.0, "acd", "b", 6},    // a second tree
+    {'e', 3, 4, 1, 40, 0, 5.0, "acde", "b", 5},   // joins the two
+    {'f', 1, 4, 3, 50, 0, 8.0, "acfd", "be", 5},  // a stronger joint than e
     {'g', 5, 6, 2, 10, 10, 13.0, "agcfd", "be", 4},
-    {'h', 4, 6, 2, 40, 0, 6.0, "agcfd", "bhe", 4},        // closes 4-5-6 and is its weakest
+    {'h', 4, 6, 2, 40, 0, 6.0, "agcfd", "bhe", 4},  // closes 4-5-6 and is its weakest
     {'i', 6, 7, 1, 30, 0, 4.0, "agcfdi", "bhe", 3},
-    {'j', 8, 9, 4, 60, 0, 10.0, "agcjfdi", "bhe", 2},     // 8 and 9 are a map of their own
-    {'k', 7, 8, 1, 20, 0, 3.0, "agcjfdik", "bhe", 1},     // all in one
-    {'l', 5, 8, 2, 50, 5, 9.5, "agcjlfdi", "bhek", 1},    // closes 5-6-7-8: k goes
-    {'m', 9, 1, 1, 10, 0, 2.0, "agcjlfdi", "bhekm", 1},   // closes 1-4-5-8-9 and is its weakest
+    {'j', 8, 9, 4, 60, 0, 10.0, "agcjfdi", "bhe", 2},       // 8 and 9 are a map of their own
+    {'k', 7, 8, 1, 20, 0, 3.0, "agcjfdik", "bhe", 1},       // all in one
+    {'l', 5, 8, 2, 50, 5, 9.5, "agcjlfdi", "bhek", 1},      // closes 5-6-7-8: k goes
+    {'m', 9, 1, 1, 10, 0, 2.0, "agcjlfdi", "bhekm", 1},     // closes 1-4-5-8-9 and is its weakest
     {'n', 7, 9, 1, 10, 10, 12.0, "agncjlfd", "bheikm", 1},  // closes 5-6-7-9-8: i goes
     {'o', 2, 9, 2, 40, 5, 8.5, "agncjlof", "bdheikm", 1},   // closes 1-4-5-8-9-2: d goes
     {'p', 3, 6, 3, 43, 5, 9.8, "agncjplf", "bodheikm", 1},  // closes 1-2-9-8-5-6-3: o goes

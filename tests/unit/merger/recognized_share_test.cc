@@ -15,8 +15,8 @@ using testing::SyntheticFlight;
 using testing::TerrainPoint;
 
 // Two submaps connected by every pair of keyframes that holds, as the second pass would find them.
-double ShareOf(const std::vector<TerrainPoint>& terrain, const std::vector<Rigid3>& first, const std::vector<Rigid3>& second,
-               int max_evidence = 200) {
+double ShareOf(const std::vector<TerrainPoint>& terrain, const std::vector<Rigid3>& first,
+               const std::vector<Rigid3>& second, int max_evidence = 200) {
   SyntheticFlight flight("s", 0, terrain, {});
   flight.AddSubmap(first, Frame(0.02, 0.3));
   flight.AddSubmap(second, Frame(0.05, -0.9));

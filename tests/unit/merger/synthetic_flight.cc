@@ -47,7 +47,8 @@ std::vector<TerrainPoint> MakeTerrain(const TerrainOptions& options) {
   return terrain;
 }
 
-void CopyPatch(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double size, std::vector<TerrainPoint>* terrain) {
+void CopyPatch(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double size,
+               std::vector<TerrainPoint>* terrain) {
   const auto inside = [&](const TerrainPoint& p, const Eigen::Vector2d& corner) {
     const Eigen::Vector2d d = p.position.head<2>() - corner;
     return d.x() >= 0 && d.y() >= 0 && d.x() < size && d.y() < size;
@@ -163,10 +164,10 @@ SubmapId SyntheticFlight::AddSubmap(const std::vector<Rigid3>& world_from_cam, c
   submap_from_world_.push_back(submap_from_world);
   Append(utime_ += 1000, SubmapStarted{submap});
 
-  std::map<int, MapPointId> point_of;                          // terrain -> map point
-  std::map<int, size_t> last_seen;                             // terrain -> keyframe of this submap
-  std::map<int, std::pair<KeyframeId, int>> seen_once;         // terrain -> its only observation so far
-  std::vector<Rigid3> drifted;                                 // world_from_cam as the tracker believes
+  std::map<int, MapPointId> point_of;                   // terrain -> map point
+  std::map<int, size_t> last_seen;                      // terrain -> keyframe of this submap
+  std::map<int, std::pair<KeyframeId, int>> seen_once;  // terrain -> its only observation so far
+  std::vector<Rigid3> drifted;                          // world_from_cam as the tracker believes
   for (size_t k = 0; k < world_from_cam.size(); ++k) {
     // Dead reckoning with a drift: each step is scaled and turned a little more than the truth.
     if (k == 0) {
@@ -216,7 +217,8 @@ SubmapId SyntheticFlight::AddSubmap(const std::vector<Rigid3>& world_from_cam, c
         seen_once[s.terrain] = {id, static_cast<int>(i)};
         continue;
       }
-      // Second sight: a map point, placed where the drifted camera believes it, with the depth noise of a short baseline.
+      // Second sight: a map point, placed where the drifted camera believes it, with the depth noise of a short
+      // baseline.
       const Eigen::Vector3d x_cam = world_from_cam[k].Inverse() * terrain_[s.terrain].position;
       const double depth_noise = 1 + 0.004 * Normal();
       const Eigen::Vector3d believed = drifted[k] * Eigen::Vector3d(local_scale * depth_noise * x_cam);

@@ -9,15 +9,16 @@
 #include "libs/mapping/records.h"
 #include "libs/mapping/submap.h"
 
-// Simulated flights as records of the stream, with exact truth: random terrain points with random descriptors, seen by nadir
-// cameras; submaps in their own frames and scales. Enough of a world to test connections and merges without images.
+// Simulated flights as records of the stream, with exact truth: random terrain points with random descriptors, seen by
+// nadir cameras; submaps in their own frames and scales. Enough of a world to test connections and merges without
+// images.
 namespace mapmend::testing {
 
 struct TerrainPoint {
   Eigen::Vector3d position;  // metres, z up, ground near 0
   Descriptor descriptor;
-  float angle = 0;           // orientation in an image whose x axis points east
-  double size = 0;           // metres: octave 0 where it appears one pixel large
+  float angle = 0;  // orientation in an image whose x axis points east
+  double size = 0;  // metres: octave 0 where it appears one pixel large
 };
 
 struct TerrainOptions {
@@ -28,11 +29,12 @@ struct TerrainOptions {
   uint64_t seed = 7;
 };
 std::vector<TerrainPoint> MakeTerrain(const TerrainOptions& options);
-// Copies the texture (not the ground) of a square with corner `from` onto the square with corner `to`: perceptual aliasing.
+// Copies the texture (not the ground) of a square with corner `from` onto the square with corner `to`: perceptual
+// aliasing.
 void CopyPatch(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double size, std::vector<TerrainPoint>* terrain);
 
-// world_from_cam of a camera that looks straight down from (x, y, altitude), its image's up pointing to heading (0 = north,
-// clockwise), tilted by a little noise if random is given.
+// world_from_cam of a camera that looks straight down from (x, y, altitude), its image's up pointing to heading (0 =
+// north, clockwise), tilted by a little noise if random is given.
 Rigid3 NadirPose(double x, double y, double altitude, double heading_deg, std::mt19937_64* random = nullptr);
 // Poses along a straight line, evenly spaced.
 std::vector<Rigid3> Strip(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double altitude, int count,
@@ -43,11 +45,11 @@ struct FlightOptions {
   Pyramid pyramid;
   int max_features = 800;
   double pixel_noise = 0.5;
-  double bit_noise = 0.06;       // probability that a descriptor bit is flipped
-  double wrong_word = 0.1;       // probability that a feature lands in a random word
-  int num_clutter = 100;         // features of each image that are seen nowhere else
-  double scale_drift = 0;        // per keyframe: the submap's scale grows by this fraction
-  double angle_drift_deg = 0;    // per keyframe, about the vertical
+  double bit_noise = 0.06;     // probability that a descriptor bit is flipped
+  double wrong_word = 0.1;     // probability that a feature lands in a random word
+  int num_clutter = 100;       // features of each image that are seen nowhere else
+  double scale_drift = 0;      // per keyframe: the submap's scale grows by this fraction
+  double angle_drift_deg = 0;  // per keyframe, about the vertical
   uint64_t seed = 1;
 };
 

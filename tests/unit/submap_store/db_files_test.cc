@@ -138,7 +138,8 @@ TEST_F(DbFiles, ObservationsOfSchema3ArePacked) {
   EXPECT_EQ(Count(old, "SELECT count(*) FROM submap WHERE has_geometry"), 2);
 }
 
-// The store was killed while it created the file: SQLite takes back what is there, down to the mark of whose file it is.
+// The store was killed while it created the file: SQLite takes back what is there, down to the mark of whose file it
+// is.
 TEST_F(DbFiles, AFileWhoseCreationWasCutShortIsMarkedAnew) {
   {
     SQLite::Database database(db_, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
@@ -147,7 +148,7 @@ TEST_F(DbFiles, AFileWhoseCreationWasCutShortIsMarkedAnew) {
   // Header of a rollback journal: no page to restore, the database had none
   // (https://www.sqlite.org/fileformat.html, section 3).
   std::vector<uint8_t> journal(512, 0);
-  const uint8_t header[] = {0xd9, 0xd5, 0x05, 0xf9, 0x20, 0xa1, 0x63, 0xd7, 0, 0, 0,    0, 0, 0,
+  const uint8_t header[] = {0xd9, 0xd5, 0x05, 0xf9, 0x20, 0xa1, 0x63, 0xd7, 0, 0, 0, 0, 0,    0,
                             0,    1,    0,    0,    0,    0,    0,    0,    2, 0, 0, 0, 0x10, 0};
   std::copy(std::begin(header), std::end(header), journal.begin());
   std::ofstream(db_ + "-journal", std::ios::binary).write(reinterpret_cast<const char*>(journal.data()), 512);

@@ -142,7 +142,8 @@ TEST_F(ExporterTest, TheLargestErrorIsAShareOfTheDistanceToTheScene) {
   MapModel model = MakeModel(flight);
   model.SetRevision(flight.Revision());
   GroundTruth truth = Truth(flight, 50);
-  truth.trajectory[31].world_from_camera.translation.z() += 5;  // a tenth of the height; the alignment takes up some of it
+  truth.trajectory[31].world_from_camera.translation.z() +=
+      5;  // a tenth of the height; the alignment takes up some of it
   ExportAll(model, &truth, dir_.string());
   const auto summary = Summary();
   const auto& submap = summary["submaps"][1];
