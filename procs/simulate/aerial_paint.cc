@@ -25,6 +25,14 @@ Color Leafy(Color color, double share) {
   return color;
 }
 
+// Less of its colour, the same brightness: the photographs show the greenest lawn and bush of their flight.
+Color Faded(const Color& color, float saturation) {
+  const float grey = Luminance(color);
+  Color faded = color;
+  for (int i = 0; i < 3; ++i) faded[i] = grey + saturation * (color[i] - grey);
+  return faded;
+}
+
 // Slow changes of brightness and of the balance of green and red, as in any meadow.
 Color Tint(double x, double y, double amount, uint64_t seed) {
   const double light = Fbm(x / 9, y / 9, 4, 0.6, seed), hue = Fbm(x / 31, y / 31, 3, 0.6, seed + 1);
@@ -46,6 +54,7 @@ class Ground {
     const double lush = Smooth(0.1, 0.5, Fbm(x_ / 25, y_ / 25, 4, 0.5, seed_ + 12));
     const double worn = Smooth(0.28, 0.4, Fbm(x_ / 14, y_ / 14, 5, 0.6, seed_ + 13));
     Color color = Blend(Blend(At(materials_.lawn, 1), At(materials_.meadow, 2), lush), At(materials_.dry_lawn, 3), dry);
+    color = Faded(color, 0.7f);
     color = Blend(color, At(materials_.dry_lawn, 4) * Color{1.08f, 0.96f, 0.92f, 1}, worn);
     return Leafy(color * Tint(x_, y_, 0.16, seed_ + 14), kLawnLeaves * (1 + 0.6 * lush - 0.4 * worn));
   }
@@ -284,7 +293,7 @@ void PaintTrees(const AerialLayout& layout, const MaterialLibrary& materials, in
                    const double crown = shape.Height(x + ragged, y + ragged);
                    const double edge = std::hypot(x - tree.x, y - tree.y) + 2 * ragged;
                    if (crown <= 0 && edge > tree.radius) return;
-                   const Color leaves = materials.crown.At(x / kPhotoTexel, y / kPhotoTexel, tree.seed) * tint;
+                   const Color leaves = Faded(materials.crown.At(x / kPhotoTexel, y / kPhotoTexel, tree.seed) * tint, 0.6f);
                    const double bright = crown <= 0 ? 0.7 : 0.85 + 0.55 * crown / tree.height;
                    *texel = Pack(Leafy(leaves * static_cast<float>(bright), kTreeLeaves));
                  });
