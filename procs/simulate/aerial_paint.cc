@@ -54,8 +54,7 @@ class Ground {
     const double lush = Smooth(0.1, 0.5, Fbm(x_ / 25, y_ / 25, 4, 0.5, seed_ + 12));
     const double worn = Smooth(0.28, 0.4, Fbm(x_ / 14, y_ / 14, 5, 0.6, seed_ + 13));
     Color color = Blend(Blend(At(materials_.lawn, 1), At(materials_.meadow, 2), lush), At(materials_.dry_lawn, 3), dry);
-    color = Faded(color, 0.7f);
-    color = Blend(color, At(materials_.dry_lawn, 4) * Color{1.08f, 0.96f, 0.92f, 1}, worn);
+    color = Faded(Blend(color, At(materials_.dry_lawn, 4) * Color{1.08f, 0.96f, 0.92f, 1}, worn), 0.85f);
     return Leafy(color * Tint(x_, y_, 0.16, seed_ + 14), kLawnLeaves * (1 + 0.6 * lush - 0.4 * worn));
   }
   Color Marsh() const {
