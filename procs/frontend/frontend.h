@@ -27,8 +27,8 @@ struct FrontendOptions {
   double keyframe_ratio = 0.7;    // new keyframe when fewer points are seen than this share of the reference keyframe's
   int comfortable_inliers = 100;  // or fewer than this
   double keyframe_angle_deg = 3;  // or when the points are seen under an angle that differs by this much (median)
-  double min_spread_afterwards =
-      0.2;                         // share of the image's cells with an inlier, for frames that are tracked afterwards
+  // Share of the image's cells that must hold an inlier of a frame that is tracked afterwards.
+  double min_spread_afterwards = 0.2;
   double max_jump = 0.15;          // a step of this share of the scene's depth, and five times the last one, is a jump
   double jump_found_share = 0.15;  // of the points in view that must be found to believe a jump
   int confirm_frames = 2;          // frames that must be tracked in a new submap before it is believed
@@ -46,8 +46,8 @@ struct FrameOutcome {
   bool keyframe = false;
   SubmapId submap;
   Rigid3 cam_from_submap;
-  double tracking_s = 0,
-         mapping_s = 0;  // time spent; with a mapping thread, what tracking waited for it is in tracking_s
+  // Time spent. With a mapping thread, what tracking waited for it is in tracking_s.
+  double tracking_s = 0, mapping_s = 0;
 };
 
 // Tracking, mapping and the life of submaps (paper §3.1, §3.2), without input or transport: frames go in in order,

@@ -6,27 +6,15 @@
 
 #include <nlohmann/json.hpp>
 
-#include "tests/process/command_helper.h"
+#include "tests/e2e/map_scenario.h"
 
 namespace mapmend {
 namespace {
 
-const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
-
 TEST(AliasedCycle, TheWrongConnectionIsDeactivatedAndTheMapIsRight) {
-  const TemporaryFolder folder;
-  const std::string flight = folder / "flight", out = folder / "out";
-  const CommandResult rendered =
-      RunCommand({kProgram, "simulate", "--quiet", "--scenario", "aliased_cycle", "--out", flight}, 120);
-  ASSERT_EQ(rendered.exit_code, 0) << rendered.output;
-  const CommandResult run = RunCommand(
-      {kProgram, "run", flight + "/video.mp4", "--camera", flight + "/camera.yaml", "--times", flight + "/times.txt",
-       "--groundtruth", flight + "/groundtruth.tum", "--out", out, "--port", "0", "--seed", "1"},
-      240);
-  ASSERT_EQ(run.exit_code, 0) << run.output;
-
-  const nlohmann::json summary = nlohmann::json::parse(ReadText(out + "/summary.json"));
-  ASSERT_EQ(summary.at("submaps").size(), 4u) << run.output;
+  const nlohmann::json summary = MapScenario("aliased_cycle");
+  ASSERT_TRUE(summary.is_object());
+  ASSERT_EQ(summary.at("submaps").size(), 4u);
   bool is_caught = false;
   for (const nlohmann::json& c : summary.at("connections")) {
     const bool is_aliased = c.at("a") == 0 && c.at("b") == 2;

@@ -5,28 +5,10 @@
 
 #include <nlohmann/json.hpp>
 
-#include "tests/process/command_helper.h"
+#include "tests/e2e/map_scenario.h"
 
 namespace mapmend {
 namespace {
-
-const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
-
-// Renders a scenario and maps it; the summary, null if that failed.
-nlohmann::json MapScenario(const std::string& scenario) {
-  const TemporaryFolder folder;
-  const std::string flight = folder / "flight", out = folder / "out";
-  const CommandResult rendered =
-      RunCommand({kProgram, "simulate", "--quiet", "--scenario", scenario, "--out", flight}, 120);
-  EXPECT_EQ(rendered.exit_code, 0) << rendered.output;
-  const CommandResult run = RunCommand(
-      {kProgram, "run", flight + "/video.mp4", "--camera", flight + "/camera.yaml", "--times", flight + "/times.txt",
-       "--groundtruth", flight + "/groundtruth.tum", "--out", out, "--port", "0", "--seed", "1"},
-      240);
-  EXPECT_EQ(run.exit_code, 0) << run.output;
-  if (rendered.exit_code != 0 || run.exit_code != 0) return nullptr;
-  return nlohmann::json::parse(ReadText(out + "/summary.json"));
-}
 
 // The connection of two submaps, null if they were never compared.
 nlohmann::json Between(const nlohmann::json& summary, int a, int b) {
