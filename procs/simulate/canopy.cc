@@ -5,9 +5,7 @@
 namespace mapmend::simulate {
 namespace {
 
-using Int8 = int32_t __attribute__((vector_size(32)));
 using UInt8 = uint32_t __attribute__((vector_size(32)));
-using Float8 = float __attribute__((vector_size(32)));
 
 [[gnu::always_inline]] inline void Fill(int i, int j, int rows, int stride, int level, float weight,
                                         const CanopyView& view, float* cells) {

@@ -25,7 +25,6 @@ struct CanopyView {
   }
 };
 
-using Int4 = int32_t __attribute__((vector_size(16)));
 using UInt4 = uint32_t __attribute__((vector_size(16)));
 
 // Random brightness in [-1, 1] of as many cells (i, j) as the vectors have.

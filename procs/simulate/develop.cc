@@ -36,6 +36,16 @@ void Renderer::Project(const Motion& motion, const float* p, float* u, float* v)
     *v = static_cast<float>(camera_.fy) * y + static_cast<float>(camera_.cy);
     return;
   }
+  if (camera_.model == Camera::Model::kPinhole) {
+    float d[5];
+    for (int k = 0; k < 5; ++k) d[k] = static_cast<float>(camera_.distortion[k]);
+    const float r2 = x * x + y * y, radial = 1 + r2 * (d[0] + r2 * (d[1] + r2 * d[4]));
+    const float xd = x * radial + 2 * d[2] * x * y + d[3] * (r2 + 2 * x * x);
+    const float yd = y * radial + d[2] * (r2 + 2 * y * y) + 2 * d[3] * x * y;
+    *u = static_cast<float>(camera_.fx) * xd + static_cast<float>(camera_.cx);
+    *v = static_cast<float>(camera_.fy) * yd + static_cast<float>(camera_.cy);
+    return;
+  }
   const Eigen::Vector2d pixel = camera_.Project(Eigen::Vector3d(x, y, 1));
   *u = static_cast<float>(pixel.x());
   *v = static_cast<float>(pixel.y());
@@ -52,90 +62,86 @@ Color Renderer::MotionOf(int x, int y, float distance) const {
   return Color{x0 - fx, y0 - fy, x1 - fx, y1 - fy};
 }
 
-bool Renderer::IsStill(int x0, int y0, int x_end, int y_end, bool plain) const {
+bool Renderer::FindMotion(int tile, bool plain) {
   if (!options_.motion_blur || options_.exposure <= 0) return true;
-  const auto moves = [this](int x, int y, float distance) {
-    const Color m = MotionOf(x, y, distance);
-    return (m[2] - m[0]) * (m[2] - m[0]) + (m[3] - m[1]) * (m[3] - m[1]) > 0.24f;
-  };
+  const int width = camera_.width, tiles = (width + kTile - 1) / kTile;
+  const int x0 = tile % tiles * kTile, y0 = tile / tiles * kTile;
+  const int x1 = std::min(x0 + kTile, width) - 1, y1 = std::min(y0 + kTile, camera_.height) - 1;
   float nearest = 1e5f, farthest = 0;
-  for (int y = y0; y < y_end && !plain; ++y) {
-    for (int x = x0; x < x_end; ++x) {
-      const float distance = std::min(distance_[static_cast<size_t>(y) * camera_.width + x], 1e5f);
+  // A plane is nearest and farthest at corners.
+  for (int y = y0; y <= y1; y += plain ? std::max(1, y1 - y0) : 1) {
+    for (int x = x0; x <= x1; x += plain ? std::max(1, x1 - x0) : 1) {
+      const float distance = std::min(distance_[static_cast<size_t>(y) * width + x], 1e5f);
       nearest = std::min(nearest, distance), farthest = std::max(farthest, distance);
     }
   }
-  for (const int y : {y0, y_end - 1}) {
-    for (const int x : {x0, x_end - 1}) {
-      if (plain ? moves(x, y, distance_[static_cast<size_t>(y) * camera_.width + x])
-                : moves(x, y, nearest) || moves(x, y, farthest))
-        return false;
-    }
+  // The motion of a pixel is nearly linear in inverse distance: exactly so but for moving towards the surface.
+  TileMotion& motion = motions_[tile];
+  const float between = 0.75f / nearest;
+  motion.least = 1.f / farthest, motion.greatest = 1.f / nearest;
+  bool still = true;
+  for (int k = 0; k < 4; ++k) {
+    const int x = k < 2 ? x0 : x1, y = k % 2 == 0 ? y0 : y1;
+    const Color near = MotionOf(x, y, nearest), far = MotionOf(x, y, 4 * nearest);
+    motion.slope[k] = (near - far) * (1.f / between);
+    motion.base[k] = near - motion.slope[k] * (1.f / nearest);
+    const auto moves = [](const Color& m) {
+      return (m[2] - m[0]) * (m[2] - m[0]) + (m[3] - m[1]) * (m[3] - m[1]) > 0.24f;
+    };
+    still &= !moves(near) && !moves(motion.base[k] + motion.slope[k] * (1.f / farthest));
   }
-  return true;
+  return still;
+}
+
+bool Renderer::IsEven(const Color& least, const Color& most, int x, int y) const {
+  constexpr float kUneven = 0.3f;
+  for (int k = 0; k < 4; ++k) {
+    if (most[k] - least[k] > kUneven) return false;
+    const auto at = static_cast<float>(k % 2 == 0 ? x : y);
+    const auto size = static_cast<float>(k % 2 == 0 ? camera_.width - kTile : camera_.height);
+    // What lies that far the other way is read, and one more.
+    if (at - most[k] < 1 || at - least[k] > size - 3) return false;
+  }
+  const float dx = most[2] - most[0], dy = most[3] - most[1];
+  return dx * dx + dy * dy > 0.5f;
 }
 
 void Renderer::BlurRow(int y, int begin, int end, Color* blurred) const {
-  const int width = camera_.width, height = camera_.height;
+  const int width = camera_.width, tiles = (width + kTile - 1) / kTile;
   const size_t row = static_cast<size_t>(y) * width;
-  if (!options_.motion_blur || options_.exposure <= 0) {
-    for (int x = begin; x < end; ++x) blurred[x] = UnpackLight(light_[row + x]);
-    return;
-  }
-  const TileState* tiles = tiles_.data() + static_cast<size_t>(y / kTile) * ((width + kTile - 1) / kTile);
-  const float right = static_cast<float>(width - 1) - 0.001f, bottom = static_cast<float>(height - 1) - 0.001f;
-  const Color limit = {right, bottom, right, bottom};
-  Color tile_motion = {}, tile_step = {};
-  for (int x = begin; x < end; ++x) {
-    const size_t i = row + x;
-    const float fx = static_cast<float>(x), fy = static_cast<float>(y);
-    Color offset;
-    if (tiles[x / kTile].still) {
-      for (const int tile_end = std::min(x + kTile, width); x < tile_end; ++x)
-        blurred[x] = UnpackLight(light_[row + x]);
-      --x;
+  const int y0 = y / kTile * kTile, y1 = std::min(y0 + kTile, camera_.height) - 1;
+  const RowKernels& kernels = RowKernels::Get();
+  const float down = y1 > y0 ? static_cast<float>(y - y0) / static_cast<float>(y1 - y0) : 0;
+  for (int x = begin; x < end; x += kTile) {
+    const int tile = y / kTile * tiles + x / kTile, count = std::min(kTile, width - x);
+    if (tiles_[tile].still) {
+      for (int k = 0; k < count; ++k) blurred[x + k] = UnpackLight(light_[row + x + k]);
       continue;
     }
-    if (!tiles[x / kTile].plain) {
-      offset = MotionOf(x, y);
-    } else {
-      if (x % kTile == 0) {
-        const int last = std::min(x + kTile, width) - 1;
-        tile_motion = MotionOf(x, y);
-        const Color last_motion = MotionOf(last, y);
-        tile_step = last > x ? (last_motion - tile_motion) * (1.f / static_cast<float>(last - x)) : Color{};
-      }
-      offset = tile_motion + tile_step * static_cast<float>(x % kTile);
-    }
-    const float dx = offset[2] - offset[0], dy = offset[3] - offset[1];
-    const float length = std::sqrt(dx * dx + dy * dy);
-    if (length < 0.5f) {
-      blurred[x] = UnpackLight(light_[i]);
-      continue;
-    }
-    // What passes over this pixel a part s of half the exposure before the middle lies, in the middle, at minus its
-    // motion.
-    const int half = std::clamp(static_cast<int>(length * 0.5f + 0.5f), 1, 24);
-    const float step = 1.f / (static_cast<float>(half) + 0.5f);
-    Color sum = UnpackLight(light_[i]);
-    const auto add = [&](int ix, int iy, float ax, float ay) {
-      const Light* p = light_.data() + static_cast<size_t>(iy) * width + ix;
-      const Color a = UnpackLight(p[0]), b = UnpackLight(p[1]), c = UnpackLight(p[width]),
-                  d = UnpackLight(p[width + 1]);
-      const Color above = a + (b - a) * ax, below = c + (d - c) * ax;
-      sum += above + (below - above) * ay;
+    const TileMotion& m = motions_[tile];
+    const float across = count > 1 ? 1.f / static_cast<float>(count - 1) : 0.f;
+    const auto line = [&](const Color* corners, Color* start, Color* step) {
+      *start = corners[0] + (corners[1] - corners[0]) * down;
+      *step = (corners[2] + (corners[3] - corners[2]) * down - *start) * across;
     };
-    const Color here = {fx, fy, fx, fy};
-    for (int k = 1; k <= half; ++k) {
-      Color from = here - offset * (static_cast<float>(k) * step);
-      from = from > 0.f ? from : Color{};
-      from = from < limit ? from : limit;
-      const Int4 whole = __builtin_convertvector(from, Int4);
-      const Color part = from - __builtin_convertvector(whole, Color);
-      add(whole[0], whole[1], part[0], part[1]);
-      add(whole[2], whole[3], part[2], part[3]);
+    RowMotion motion;
+    line(m.base, &motion.base, &motion.base_step);
+    line(m.slope, &motion.slope, &motion.slope_step);
+    const Color slow = motion.base + motion.slope * m.least, fast = motion.base + motion.slope * m.greatest;
+    const float last = static_cast<float>(count - 1);
+    const Color slow_end = slow + (motion.base_step + motion.slope_step * m.least) * last,
+                fast_end = fast + (motion.base_step + motion.slope_step * m.greatest) * last;
+    const auto low = [](const Color& a, const Color& b) { return a < b ? a : b; };
+    const auto high = [](const Color& a, const Color& b) { return a < b ? b : a; };
+    const Color least = low(low(slow, slow_end), low(fast, fast_end)),
+                most = high(high(slow, slow_end), high(fast, fast_end));
+    if (count == kTile && IsEven(least, most, x, y)) {
+      const Color offset = (least + most) * 0.5f;
+      kernels.blur_even(light_.data(), width, x, y, offset, blurred + x);
+      continue;
     }
-    blurred[x] = sum * (1.f / static_cast<float>(2 * half + 1));
+    kernels.blur(light_.data(), width, camera_.height, x, y, count, distance_.data() + row + x, motion,
+                           blurred + x);
   }
 }
 

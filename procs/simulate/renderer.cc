@@ -36,13 +36,19 @@ Renderer::Renderer(const Scene* scene, const Camera& camera, const RenderOptions
     : scene_(scene), camera_(camera), options_(options), distorted_(camera.HasDistortion()) {
   const size_t size = static_cast<size_t>(camera.width) * camera.height;
   rays_.resize(size);
-  ray_stretch_.resize(size);
+  // Eight are read at a time.
+  ray_stretch_.resize(size + 8, 1.f);
+  plane_x_.resize(size + 8);
+  plane_y_.resize(size + 8);
   ParallelFor(camera.height, 16, options.num_threads, [&](int begin, int end) {
     for (int y = begin; y < end; ++y) {
       for (int x = 0; x < camera.width; ++x) {
         const size_t i = static_cast<size_t>(y) * camera.width + x;
-        rays_[i] = Unproject(camera, Eigen::Vector2d(x, y)).normalized().cast<float>();
+        const Eigen::Vector3d ray = Unproject(camera, Eigen::Vector2d(x, y));
+        rays_[i] = ray.normalized().cast<float>();
         ray_stretch_[i] = 1 / rays_[i].z();
+        plane_x_[i] = static_cast<float>(ray.x());
+        plane_y_[i] = static_cast<float>(ray.y());
       }
     }
   });
@@ -53,7 +59,26 @@ Renderer::Renderer(const Scene* scene, const Camera& camera, const RenderOptions
   edge_slope_ = static_cast<float>(6 / std::sqrt(camera.fx * camera.fy));
   smoothed_.resize((camera.height + kTile - 1) / kTile);
   tiles_.resize(static_cast<size_t>((camera.width + kTile - 1) / kTile) * smoothed_.size());
+  motions_.resize(tiles_.size());
+  facet_rows_.resize(smoothed_.size());
+  facet_lists_.resize(smoothed_.size());
   light_.resize(size);
+  const int tiles = (camera.width + kTile - 1) / kTile;
+  for (size_t t = 0; t < tiles_.size(); ++t) {
+    const int x0 = static_cast<int>(t % tiles) * kTile, y0 = static_cast<int>(t / tiles) * kTile;
+    const int x_end = std::min(x0 + kTile, camera.width), y_end = std::min(y0 + kTile, camera.height);
+    FacetRow::Bounds b{1e9f, 1e9f, -1e9f, -1e9f};
+    for (int y = y0; y < y_end; ++y) {
+      for (int x = x0; x < x_end; ++x) {
+        const size_t i = static_cast<size_t>(y) * camera.width + x;
+        b = {std::min(b.x0, plane_x_[i]), std::min(b.y0, plane_y_[i]), std::max(b.x1, plane_x_[i]),
+             std::max(b.y1, plane_y_[i])};
+      }
+    }
+    const float dx = 0.6f * (b.x1 - b.x0) / static_cast<float>(std::max(1, x_end - x0 - 1)),
+                dy = 0.6f * (b.y1 - b.y0) / static_cast<float>(std::max(1, y_end - y0 - 1));
+    tile_bounds_.push_back({b.x0 - dx, b.y0 - dy, b.x1 + dx, b.y1 + dy});
+  }
 }
 
 Eigen::Vector3d Renderer::Ray(int x, int y) const {
@@ -88,11 +113,15 @@ void Renderer::Render(const PoseFunction& pose, double time, const SensorState& 
   frame->height = height;
   frame->bgr.resize(static_cast<size_t>(width) * height * 3);
   const int tile_rows = (height + kTile - 1) / kTile;
-  ParallelFor((tile_rows + 1) / 2, 1, options_.num_threads, [&](int pair, int) { CastTiles(pair); });
+  facets_ = FacetRow::Serves(*scene_, rows_.front().center) && FacetRow::Serves(*scene_, rows_.back().center);
+  if (facets_)
+    ParallelFor(tile_rows, 1, options_.num_threads, [&](int tile_row, int) { DrawFacets(tile_row); });
+  else
+    ParallelFor((tile_rows + 1) / 2, 1, options_.num_threads, [&](int pair, int) { CastTiles(pair); });
   // Put in place when all are there: each looks at its neighbours as they were.
   ParallelFor(tile_rows, 1, options_.num_threads, [&](int tile_row, int) {
     smoothed_[tile_row].clear();
-    SmoothEdges(tile_row, &smoothed_[tile_row]);
+    facets_ ? SmoothFacets(tile_row, &smoothed_[tile_row]) : SmoothEdges(tile_row, &smoothed_[tile_row]);
   });
   for (const auto& row : smoothed_) {
     for (const Smoothed& pixel : row) light_[pixel.index] = pixel.light;
@@ -159,12 +188,11 @@ void Renderer::CastTiles(int pair) {
     aim(1, std::min(x0 + kTile, width - 1));
     aim(2, std::min(x0 + 2 * kTile, width - 1));
     const Beam both = beam_between(0, 0, 2, 2, group);
-    TileState* tile = tiles_.data() + static_cast<size_t>(2) * pair * tiles + k;
     const int x_end = x0 + 2 * kTile, y_end = top + 2 * kTile;
     if (straight && x_end < width && y_end < height && fill(0, 0, 2, 2, x_end, y_end, both, hits)) {
-      const bool still = IsStill(x0, top, x_end, y_end, true);
-      for (TileState* each : {tile, tile + 1, tile + tiles, tile + tiles + 1})
-        *each = {both, hits[0].surface, true, still};
+      const int first = 2 * pair * tiles + k;
+      for (const int each : {first, first + 1, first + tiles, first + tiles + 1})
+        tiles_[each] = {both, hits[0].surface, true, FindMotion(each, true)};
       continue;
     }
     for (int i = 0; i < 2 && x0 + i * kTile < width; ++i) {
@@ -174,7 +202,8 @@ void Renderer::CastTiles(int pair) {
         const Beam beam = beam_between(i, j, i + 1, j + 1, both);
         const bool plain = fill(i, j, i + 1, j + 1, right, below, beam, hits);
         if (!plain) CastTile(left, above, corners[i + 1][j].x, corners[i][j + 1].y, beam, hits);
-        tile[j * tiles + i] = {beam, hits[0].surface, plain, IsStill(left, above, right, below, plain)};
+        const int each = (2 * pair + j) * tiles + k + i;
+        tiles_[each] = {beam, hits[0].surface, plain, FindMotion(each, plain)};
       }
     }
   }

@@ -6,6 +6,8 @@
 
 #include "libs/geometry/camera.h"
 #include "libs/geometry/rigid3.h"
+#include "procs/simulate/facets.h"
+#include "procs/simulate/row_kernels.h"
 #include "procs/simulate/scene.h"
 
 namespace mapmend::simulate {
@@ -37,29 +39,6 @@ struct SensorState {
   float vignetting = 0.2f;    // loss of light in the corners
   uint64_t seed = 0;
 };
-
-// Squares of stored values, proportional to light; rounded to integers.
-using Light = uint16_t __attribute__((vector_size(8)));
-inline Light PackLight(const Color& stored) {
-  const Color light = stored * stored + 0.5f;
-#if defined(__SSE4_1__)
-  const __m128i whole = _mm_cvttps_epi32(light);
-  Light result;
-  _mm_storel_epi64(reinterpret_cast<__m128i*>(&result), _mm_packus_epi32(whole, whole));
-  return result;
-#else
-  const auto pack = [](float v) { return static_cast<uint16_t>(std::min(v, 65535.f)); };
-  return Light{pack(light[0]), pack(light[1]), pack(light[2]), pack(light[3])};
-#endif
-}
-inline Color UnpackLight(const Light& light) {
-#if defined(__SSE4_1__)
-  return _mm_cvtepi32_ps(_mm_cvtepu16_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(&light))));
-#else
-  return {static_cast<float>(light[0]), static_cast<float>(light[1]), static_cast<float>(light[2]),
-          static_cast<float>(light[3])};
-#endif
-}
 
 // A finished picture, blue green red.
 struct Frame {
@@ -111,8 +90,14 @@ class Renderer {
   struct TileState {
     Beam beam;
     int surface;  // of the first corner
-    bool plain;   // FillPlainTile has filled it
-    bool still;
+    bool plain;   // shows nothing but this surface
+    bool still;   // moves by less than half a pixel
+    int first = 0, count = 0;  // of facet_lists_
+  };
+  // As RowMotion, at the corners: upper left, lower left, upper right, lower right.
+  struct TileMotion {
+    Color base[4], slope[4];
+    float least, greatest;  // of 1 / distance
   };
   struct Smoothed {
     size_t index;
@@ -127,6 +112,8 @@ class Renderer {
     return rows_[y].rotation * rays_[static_cast<size_t>(y) * camera_.width + x].cast<double>();
   }
   void CastTiles(int pair);
+  // A row of tiles of a scene for which FacetRow serves.
+  void DrawFacets(int tile_row);
   void CastPixel(int x, int y, const Beam& beam);
   void CastTile(int x0, int y0, int x1, int y1, const Beam& beam, const Hit* hits);
   // Fills pixels x0 .. x_end - 1, y0 .. y_end - 1 from the rays of the corners (x0, y0) and (x1, y1) if they show one
@@ -141,11 +128,15 @@ class Renderer {
   // Whether any of the pixels x .. x + 3 differs from a neighbour.
   bool HasEdge(int x, int y) const;
   void SmoothPixel(int x, int y, const Beam& beam, std::vector<Smoothed>* smoothed) const;
-  // From a pixel's surface point in the middle of the exposure to the same at its beginning (0, 1) and end (2, 3).
-  Color MotionOf(int x, int y) const { return MotionOf(x, y, distance_[static_cast<size_t>(y) * camera_.width + x]); }
+  void SmoothFacets(int tile_row, std::vector<Smoothed>* smoothed) const;
+  void SmoothFacetPixel(int x, int y, int tile_row, const TileState& tile, std::vector<Smoothed>* smoothed) const;
+  // Where a point at `distance` along a pixel's ray in the middle of the exposure is at its beginning (0, 1) and end (2,
+  // 3), less the pixel.
   Color MotionOf(int x, int y, float distance) const;
-  // True if all of a tile moves by less than half a pixel.
-  bool IsStill(int x0, int y0, int x_end, int y_end, bool plain) const;
+  // Finds how what a tile shows moves. True if all of it moves by less than half a pixel.
+  bool FindMotion(int tile, bool plain);
+  // True if the motions of eight pixels from (x, y) on are so alike that they count as one, and stay in the picture.
+  bool IsEven(const Color& least, const Color& most, int x, int y) const;
   // Light after motion blur of a piece of a row, which begins and ends with a tile.
   void BlurRow(int y, int begin, int end, Color* blurred) const;
   // Light to stored values, without noise; in place.
@@ -162,10 +153,16 @@ class Renderer {
   bool distorted_ = false;
   BigVector<Eigen::Vector3f> rays_;
   BigVector<float> ray_stretch_;  // 1 / rays_.z: distance over depth
+  BigVector<float> plane_x_, plane_y_;             // of the rays, at z = 1
+  std::vector<FacetRow::Bounds> tile_bounds_;      // of those, with half a pixel around
+  bool facets_ = false;                            // how this frame is drawn
+  std::vector<FacetRow> facet_rows_;               // per row of tiles
+  std::vector<std::vector<uint16_t>> facet_lists_; // solids that may be seen, tile by tile
   std::vector<RowPose> rows_;
   BigVector<float> distance_;
   BigVector<int> surface_;
   std::vector<TileState> tiles_;
+  std::vector<TileMotion> motions_;  // of tiles that are not still
   std::vector<std::vector<Smoothed>> smoothed_;  // per row of tiles
   BigVector<Light> light_;                       // before blur
   float edge_slope_ = 0;                         // depth that changes faster, metres per pixel and distance, is an edge

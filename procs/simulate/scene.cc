@@ -33,6 +33,7 @@ void Scene::Build() {
           std::max({grid.At(i, j), grid.At(i + 1, j), grid.At(i, j + 1), grid.At(i + 1, j + 1)});
     }
   }
+  level_ = std::all_of(grid.z.begin(), grid.z.end(), [&](float z) { return z == grid.z[0]; });
   levels_.push_back(std::move(level));
   const auto halve = [&] {
     const Level& fine = levels_.back();

@@ -83,6 +83,8 @@ class Scene {
 
   // Call after the public members are set, and once.
   void Build();
+  // True if the ground has the same height everywhere.
+  bool IsLevel() const { return level_; }
   // First surface on origin + distance * direction, distance > 0. direction has unit length.
   Hit Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const {
     return Cast(origin, direction, Beam{});
@@ -154,6 +156,7 @@ class Scene {
   std::vector<int> lists_;
   std::vector<Plane> planes_;  // 8 per solid, unused ones never cut
   std::vector<int> num_planes_;
+  bool level_ = false;
 };
 
 // A box standing on the ground, turned by yaw (radians) about its vertical axis. Faces: +x, -x, +y, -y, top, bottom.

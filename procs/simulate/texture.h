@@ -20,6 +20,10 @@ namespace mapmend::simulate {
 // What compilers do not turn into single instructions is written with intrinsics as well; both give the same bits.
 using Color = float __attribute__((vector_size(16)));
 
+using Int4 = int32_t __attribute__((vector_size(16)));
+using Float8 = float __attribute__((vector_size(32)));
+using Int8 = int32_t __attribute__((vector_size(32)));
+
 inline Color Rgb(double r, double g, double b) {
   return Color{static_cast<float>(r), static_cast<float>(g), static_cast<float>(b), 0.f};
 }
@@ -74,6 +78,29 @@ inline Color FromWhole(const Short8& v) {
 #else
   return Color{static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2]), static_cast<float>(v[3])} *
          (1.f / 128);
+#endif
+}
+
+// Squares of stored values, proportional to light; rounded to integers.
+using Light = uint16_t __attribute__((vector_size(8)));
+inline Light PackLight(const Color& stored) {
+  const Color light = stored * stored + 0.5f;
+#if defined(__SSE4_1__)
+  const __m128i whole = _mm_cvttps_epi32(light);
+  Light result;
+  _mm_storel_epi64(reinterpret_cast<__m128i*>(&result), _mm_packus_epi32(whole, whole));
+  return result;
+#else
+  const auto pack = [](float v) { return static_cast<uint16_t>(std::min(v, 65535.f)); };
+  return Light{pack(light[0]), pack(light[1]), pack(light[2]), pack(light[3])};
+#endif
+}
+inline Color UnpackLight(const Light& light) {
+#if defined(__SSE4_1__)
+  return _mm_cvtepi32_ps(_mm_cvtepu16_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(&light))));
+#else
+  return {static_cast<float>(light[0]), static_cast<float>(light[1]), static_cast<float>(light[2]),
+          static_cast<float>(light[3])};
 #endif
 }
 

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstdint>
+
+#include "procs/simulate/facets.h"
+
+namespace mapmend::simulate {
+
+// Up to eight neighbouring pixels of a row of a tile. `count` of them are written; all eight are read.
+struct PixelRow {
+  const float *x, *y;    // of the rays (x, y, 1)
+  const float* stretch;  // lengths of those
+  float* distance;
+  int* surface;
+  Light* light;
+  int count;
+  float row;  // within the tile
+};
+
+// How what a piece of a row shows moves from the middle of the exposure to its beginning (x, y) and its end (x, y), in
+// pixels: base + slope / distance, which change by the steps from pixel to pixel.
+struct RowMotion {
+  Color base, base_step, slope, slope_step;
+};
+
+// The inner loops of drawing, once for what every x86-64-v2 machine has and once for AVX2, chosen at run time. The
+// operations are the same, and so are the bits.
+struct RowKernels {
+  // Distance, surface and light where any of `solids` may be seen.
+  void (*draw_facets)(const FacetRow& facets, const uint16_t* solids, int num_solids, const PixelRow& pixels);
+  // The same where one plane is sure to be seen.
+  void (*draw_plane)(const FacetRow& facets, int plane, const PixelRow& pixels);
+  // Light of `count` pixels from (x, y) on after motion blur; light: of the whole picture.
+  void (*blur)(const Light* light, int width, int height, int x, int y, int count, const float* distance,
+               const RowMotion& motion, Color* blurred);
+  // The same for eight pixels that move alike, by offset[0], offset[1] to the beginning and offset[2], offset[3] to the
+  // end of the exposure, and whose motion stays inside the picture.
+  void (*blur_even)(const Light* light, int width, int x, int y, const Color& offset, Color* blurred);
+
+  static const RowKernels& Portable();
+  static const RowKernels& Get();
+};
+
+}  // namespace mapmend::simulate
