@@ -102,8 +102,7 @@ bool Renderer::IsEven(const Color& least, const Color& most, int x, int y) const
     // What lies that far the other way is read, and one more.
     if (at - most[k] < 1 || at - least[k] > size - 3) return false;
   }
-  const float dx = most[2] - most[0], dy = most[3] - most[1];
-  return dx * dx + dy * dy > 0.5f;
+  return true;
 }
 
 void Renderer::BlurRow(int y, int begin, int end, Color* blurred) const {
@@ -114,8 +113,11 @@ void Renderer::BlurRow(int y, int begin, int end, Color* blurred) const {
   const float down = y1 > y0 ? static_cast<float>(y - y0) / static_cast<float>(y1 - y0) : 0;
   for (int x = begin; x < end; x += kTile) {
     const int tile = y / kTile * tiles + x / kTile, count = std::min(kTile, width - x);
-    if (tiles_[tile].still) {
+    const auto sharp = [&] {
       for (int k = 0; k < count; ++k) blurred[x + k] = UnpackLight(light_[row + x + k]);
+    };
+    if (tiles_[tile].still) {
+      sharp();
       continue;
     }
     const TileMotion& m = motions_[tile];
@@ -137,6 +139,11 @@ void Renderer::BlurRow(int y, int begin, int end, Color* blurred) const {
                 most = high(high(slow, slow_end), high(fast, fast_end));
     if (count == kTile && IsEven(least, most, x, y)) {
       const Color offset = (least + most) * 0.5f;
+      const float dx = offset[2] - offset[0], dy = offset[3] - offset[1];
+      if (dx * dx + dy * dy < 0.25f) {
+        sharp();
+        continue;
+      }
       kernels.blur_even(light_.data(), width, x, y, offset, blurred + x);
       continue;
     }

@@ -45,8 +45,7 @@ void Renderer::DrawFacets(int tile_row) {
     const int x = k * kTile;
     for (int y = y0; y < y_end; ++y) {
       const size_t i = static_cast<size_t>(y) * width + x;
-      const PixelRow pixels{&plane_x_[i],  &plane_y_[i], &ray_stretch_[i],           &distance_[i],
-                            &surface_[i], &light_[i],   std::min(kTile, width - x), static_cast<float>(y - y0)};
+      const PixelRow pixels = PixelsAt(i, std::min(kTile, width - x), y - y0);
       if (plain)
         kernels.draw_plane(facets, plane, pixels);
       else

@@ -1,8 +1,6 @@
 // Tiles of the image that show nothing but even ground or one face: rays at the corners only, inverse depth between
 // them.
 #include <cmath>
-#include <cstring>
-#include <type_traits>
 
 #include "procs/simulate/renderer.h"
 
@@ -60,25 +58,7 @@ class TileLeaves {
     coarse.AddCoarser(level + 1, next_weight, view);
     Add(coarse);
   }
-  // Bilinear, at four points.
-  Color At(const Color& u, const Color& v) const {
-    const Color x = u * scale_ + u_, y = v * scale_ + v_;
-    const Int4 i = __builtin_convertvector(x, Int4), j = __builtin_convertvector(y, Int4);
-    const Color a = x - __builtin_convertvector(i, Color), b = y - __builtin_convertvector(j, Color);
-    // Two neighbours at a time, then from one point's four cells to each cell of the four points.
-    const Int4 index = j * stride_ + i;
-    const Color cells[4] = {Square(index[0]), Square(index[1]), Square(index[2]), Square(index[3])};
-    const Color low01 = __builtin_shuffle(cells[0], cells[1], Int4{0, 4, 1, 5}),
-                low23 = __builtin_shuffle(cells[2], cells[3], Int4{0, 4, 1, 5}),
-                high01 = __builtin_shuffle(cells[0], cells[1], Int4{2, 6, 3, 7}),
-                high23 = __builtin_shuffle(cells[2], cells[3], Int4{2, 6, 3, 7});
-    const Color c00 = __builtin_shuffle(low01, low23, Int4{0, 1, 4, 5}),
-                c10 = __builtin_shuffle(low01, low23, Int4{2, 3, 6, 7}),
-                c01 = __builtin_shuffle(high01, high23, Int4{0, 1, 4, 5}),
-                c11 = __builtin_shuffle(high01, high23, Int4{2, 3, 6, 7});
-    const Color top = c00 + (c10 - c00) * a, bottom = c01 + (c11 - c01) * a;
-    return top + (bottom - top) * b;
-  }
+  LeafCells Cells() const { return {cells_, stride_, scale_, u_, v_}; }
 
  private:
   static constexpr int kCells = 3072;
@@ -106,17 +86,6 @@ class TileLeaves {
             0.75f * (0.75f * near[x] + 0.25f * far[x]) + 0.25f * (0.75f * near[other] + 0.25f * far[other]);
       }
     }
-  }
-
-  // A cell, its right neighbour, and the two above.
-  Color Square(int index) const {
-    const float *low = cells_ + index, *high = low + stride_;
-#if defined(__SSE4_1__)
-    const __m128 half = _mm_castpd_ps(_mm_load_sd(reinterpret_cast<const double*>(low)));
-    return _mm_loadh_pi(half, reinterpret_cast<const __m64*>(high));
-#else
-    return Color{low[0], low[1], high[0], high[1]};
-#endif
   }
 
   float cells_[kCells];
@@ -214,21 +183,20 @@ bool Renderer::PaintPlainTile(const PlainTile& tile, float lod) {
   const int first = static_cast<int>(lod);
   const float fraction = lod - static_cast<float>(first);
   const bool two = fraction >= 0.02f && first + 1 < texture.NumLevels();
-  const auto whole_fraction = static_cast<int16_t>(fraction * 32767.f);
   // Coordinates relative to the tile, so that single precision is enough.
   const double origin_u = std::floor(tile.u[0]), origin_v = std::floor(tile.v[0]);
   double u[4], v[4];
-  struct View {
-    const uint32_t* texels;
-    int width;
-    float scale, u, v;  // texel of the level = (relative coordinate) * scale + (u, v)
-  } views[2];
+  PlainLook look;
+  look.two = two;
+  look.part = static_cast<int16_t>(fraction * 32767.f);
+  look.tint = tile.tint;
+  look.surface = tile.surface;
   for (int l = 0; l < 2; ++l) {
     const int level = first + (two ? l : 0);
     const Image& image = texture.Level(level);
     const double scale = std::ldexp(1.0, -level);
     const auto shift = [scale](double origin) { return static_cast<float>((origin + 0.5) * scale - 0.5); };
-    views[l] = {image.texels.data(), image.width, static_cast<float>(scale), shift(origin_u), shift(origin_v)};
+    look.levels[l] = {image.texels.data(), image.width, static_cast<float>(scale), shift(origin_u), shift(origin_v)};
     for (int k = 0; k < 4; ++k) {
       const double x = (tile.u[k] + 0.5) * scale - 0.5, y = (tile.v[k] + 0.5) * scale - 0.5;
       if (x < 1 || y < 1 || x > image.width - 3 || y > image.height - 3) return false;
@@ -239,13 +207,13 @@ bool Renderer::PaintPlainTile(const PlainTile& tile, float lod) {
     const int rows = tile.y_end - tile.y0;
     for (int side = 0; side < 4; side += 2) {
       const auto at = [&](const double* c, double origin) { return static_cast<float>(c[side] - origin); };
-      float u_row = at(tile.u, origin_u) * views[l].scale + views[l].u,
-            v_row = at(tile.v, origin_v) * views[l].scale + views[l].v;
-      const float per_row = views[l].scale / static_cast<float>(rows);
+      float u_row = at(tile.u, origin_u) * look.levels[l].scale + look.levels[l].u0,
+            v_row = at(tile.v, origin_v) * look.levels[l].scale + look.levels[l].v0;
+      const float per_row = look.levels[l].scale / static_cast<float>(rows);
       const float du = static_cast<float>(tile.u[side + 1] - tile.u[side]) * per_row;
       const float dv = static_cast<float>(tile.v[side + 1] - tile.v[side]) * per_row;
       for (int row = 0; row <= rows; ++row, u_row += du, v_row += dv) {
-        __builtin_prefetch(views[l].texels + static_cast<int>(v_row) * views[l].width + static_cast<int>(u_row));
+        __builtin_prefetch(look.levels[l].texels + static_cast<int>(v_row) * look.levels[l].width + static_cast<int>(u_row));
       }
     }
   }
@@ -258,14 +226,16 @@ bool Renderer::PaintPlainTile(const PlainTile& tile, float lod) {
                           canopy.weight[l] * contrast, tile.leaves))
         return false;
     }
+    look.leaves[0] = leaves[0].Cells(), look.leaves[1] = leaves[1].Cells();
     leaves[1].AddCoarser(canopy.first + 2, canopy.weight[2] * contrast, canopy.weight[3] * contrast, tile.leaves);
   }
   for (int k = 0; k < 4; ++k) {
     u[k] = (tile.u[k] - origin_u) * tile.inverse[k];
     v[k] = (tile.v[k] - origin_v) * tile.inverse[k];
   }
+  look.grows = grows;
   const int width = camera_.width;
-  const Color ramp = {0, 1, 2, 3};
+  const RowKernels& kernels = RowKernels::Get();
   for (int y = tile.y0; y < tile.y_end; ++y) {
     const double b = static_cast<double>(y - tile.y0) / (tile.y1 - tile.y0), per_pixel = 1.0 / (tile.x1 - tile.x0);
     const auto line = [&](const double* corners, float* start, float* step) {
@@ -274,63 +244,13 @@ bool Renderer::PaintPlainTile(const PlainTile& tile, float lod) {
       *start = static_cast<float>(left);
       *step = static_cast<float>((right - left) * per_pixel);
     };
-    float u0, du, v0, dv, w0, dw;
-    line(u, &u0, &du);
-    line(v, &v0, &dv);
-    line(tile.inverse, &w0, &dw);
-    for (int x = tile.x0; x < tile.x_end; x += 4) {
-      // Beyond the tile's end the last pixel again, which is not stored.
-      const Color at = ramp + static_cast<float>(x - tile.x0),
-                  last = Color{} + static_cast<float>(tile.x_end - 1 - tile.x0);
-      const Color pixel = at < last ? at : last;
-      const Color depth = 1.f / (w0 + dw * pixel);
-      const Color tu = (u0 + du * pixel) * depth, tv = (v0 + dv * pixel) * depth;
-      // Where in each level, and how far between its texels: in the lower half of each lane across, in the upper down.
-      Int4 index[2], between[2];
-      for (int l = 0; l < (two ? 2 : 1); ++l) {
-        const Color lu = tu * views[l].scale + views[l].u, lv = tv * views[l].scale + views[l].v;
-        const Int4 iu = __builtin_convertvector(lu, Int4), iv = __builtin_convertvector(lv, Int4);
-        const Color fu = (lu - __builtin_convertvector(iu, Color)) * 32767.f;
-        const Color fv = (lv - __builtin_convertvector(iv, Color)) * 128.f + 0.5f;
-        between[l] = __builtin_convertvector(fu, Int4) | __builtin_convertvector(fv, Int4) << 16;
-        index[l] = iv * views[l].width + iu;
-      }
-      const int count = std::min(4, tile.x_end - x);
-      Color rustle = {};
-      if (grows) rustle = leaves[0].At(tu, tv) + leaves[1].At(tu, tv);
+    PlainRow row;
+    line(u, &row.u, &row.du);
+    line(v, &row.v, &row.dv);
+    line(tile.inverse, &row.inverse, &row.inverse_step);
+    for (int x = tile.x0; x < tile.x_end; x += 8) {
       const size_t i = static_cast<size_t>(y) * width + x;
-      if (count == 4) {
-        Color stretch;
-        std::memcpy(&stretch, &ray_stretch_[i], sizeof stretch);
-        const Color distance = depth * stretch;
-        const Int4 surface = Int4{} + tile.surface;
-        std::memcpy(&distance_[i], &distance, sizeof distance);
-        std::memcpy(&surface_[i], &surface, sizeof surface);
-      } else {
-        for (int k = 0; k < count; ++k) {
-          distance_[i + k] = depth[k] * ray_stretch_[i + k];
-          surface_[i + k] = tile.surface;
-        }
-      }
-      const auto paint = [&](auto lane) {
-        constexpr int k = decltype(lane)::value;
-        if (k >= count) return;
-        const auto sample = [&](int l) {
-          const auto part = (Short8)between[l];
-          constexpr int16_t kAcross = 2 * k, kDown = 2 * k + 1;
-          return BilinearWhole(views[l].texels + index[l][k], views[l].width,
-                               __builtin_shuffle(part, Short8{} + kAcross), __builtin_shuffle(part, Short8{} + kDown));
-        };
-        Short8 whole = sample(0);
-        if (two) whole += MultiplyRounded(sample(1) - whole, Short8{} + whole_fraction);
-        Color color = FromWhole(whole);
-        if (grows) color *= 1.f + color[3] * rustle[k];
-        light_[i + k] = PackLight(color * tile.tint);
-      };
-      paint(std::integral_constant<int, 0>());
-      paint(std::integral_constant<int, 1>());
-      paint(std::integral_constant<int, 2>());
-      paint(std::integral_constant<int, 3>());
+      kernels.paint_plain(look, row, x - tile.x0, PixelsAt(i, std::min(8, tile.x_end - x), y - tile.y0));
     }
   }
   return true;

@@ -111,6 +111,11 @@ class Renderer {
   Eigen::Vector3d Direction(int x, int y) const {
     return rows_[y].rotation * rays_[static_cast<size_t>(y) * camera_.width + x].cast<double>();
   }
+  // Pixels i to i + count - 1, in a row of a tile.
+  PixelRow PixelsAt(size_t i, int count, int row) {
+    return {&plane_x_[i],  &plane_y_[i], &ray_stretch_[i], &distance_[i],
+            &surface_[i], &light_[i],   count,            static_cast<float>(row)};
+  }
   void CastTiles(int pair);
   // A row of tiles of a scene for which FacetRow serves.
   void DrawFacets(int tile_row);

@@ -7,6 +7,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <type_traits>
 
 // Vectors of eight are passed between functions of this file only.
 #pragma GCC diagnostic ignored "-Wpsabi"
@@ -21,9 +22,11 @@ namespace portable {
 #if defined(__x86_64__)
 #pragma GCC push_options
 #pragma GCC target("avx2")
+#define MAPMEND_AVX2
 namespace avx2 {
 #include "procs/simulate/row_kernels_body.inc"
 }  // namespace avx2
+#undef MAPMEND_AVX2
 #pragma GCC pop_options
 #endif
 

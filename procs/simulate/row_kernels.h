@@ -23,6 +23,33 @@ struct RowMotion {
   Color base, base_step, slope, slope_step;
 };
 
+// A grid of brightnesses of leaves: point (u, v) lies at (u * scale + u0, v * scale + v0) in cells.
+struct LeafCells {
+  const float* cells;
+  int stride;
+  float scale, u0, v0;
+};
+
+// How a piece of a plane looks that is seen steeply: two levels of its texture (the first only unless `two`) and two of
+// leaves, if it `grows`. Texels of level 0 are relative to the piece.
+struct PlainLook {
+  struct Level {
+    const uint32_t* texels;
+    int width;
+    float scale, u0, v0;  // texel of the level = texel * scale + (u0, v0)
+  } levels[2];
+  bool two, grows;
+  int16_t part;  // of the second level, in 1/32767
+  LeafCells leaves[2];
+  Color tint;
+  int surface;
+};
+
+// Inverse depth, and texels times it, of the first pixel of a row, and from pixel to pixel.
+struct PlainRow {
+  float u, du, v, dv, inverse, inverse_step;
+};
+
 // The inner loops of drawing, once for what every x86-64-v2 machine has and once for AVX2, chosen at run time. The
 // operations are the same, and so are the bits.
 struct RowKernels {
@@ -30,6 +57,8 @@ struct RowKernels {
   void (*draw_facets)(const FacetRow& facets, const uint16_t* solids, int num_solids, const PixelRow& pixels);
   // The same where one plane is sure to be seen.
   void (*draw_plane)(const FacetRow& facets, int plane, const PixelRow& pixels);
+  // A piece of a plane from pixel `first` of its row on.
+  void (*paint_plain)(const PlainLook& look, const PlainRow& row, int first, const PixelRow& pixels);
   // Light of `count` pixels from (x, y) on after motion blur; light: of the whole picture.
   void (*blur)(const Light* light, int width, int height, int x, int y, int count, const float* distance,
                const RowMotion& motion, Color* blurred);
