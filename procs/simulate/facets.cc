@@ -141,10 +141,7 @@ void FacetRow::Add(const Scene& scene, int surface, const std::vector<Face>& fac
         look.height = static_cast<float>(heights[f][0]);
         if (face.texture >= 0) {
           look.texture = surface == Hit::kGround ? scene.ground.get() : scene.textures[face.texture].get();
-          while (look.last_level + 1 < look.texture->NumLevels() &&
-                 std::min(look.texture->Level(look.last_level + 1).width,
-                          look.texture->Level(look.last_level + 1).height) > 1)
-            ++look.last_level;
+          look.last_level = look.texture->LastWhole();
         }
       }
       looks_.push_back(look);

@@ -106,6 +106,17 @@ class Renderer {
   struct UnevenTile {
     int x0, y0;
     float slope[kTile][kTile];  // of the ground, by row and column
+    WorldRow world[kTile];
+  };
+  // Rays through every second or fourth pixel of a tile and its right and lower neighbours, by row and column.
+  struct TileNodes {
+    static constexpr int kMost = kTile / 2 + 1;
+    int step = 0;
+    Hit hit[kMost][kMost];
+    float inverse[kMost][kMost];  // depth
+    bool even[kMost][kMost];      // between it and the next ones there is no edge
+    // True if the surface bends so little that these nodes are enough.
+    bool Smooth() const;
   };
 
   Eigen::Vector3d Direction(int x, int y) const {
@@ -121,6 +132,7 @@ class Renderer {
   void DrawFacets(int tile_row);
   void CastPixel(int x, int y, const Beam& beam);
   void CastTile(int x0, int y0, int x1, int y1, const Beam& beam, const Hit* hits);
+  void CastNodes(int x0, int y0, int step, const Beam& beam, const Hit* corners, TileNodes* nodes) const;
   // Fills pixels x0 .. x_end - 1, y0 .. y_end - 1 from the rays of the corners (x0, y0) and (x1, y1) if they show one
   // even surface; false if not.
   bool FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_end, const Beam& beam, const Hit* hits);

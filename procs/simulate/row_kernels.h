@@ -50,6 +50,24 @@ struct PlainRow {
   float u, du, v, dv, inverse, inverse_step;
 };
 
+// Where the rays (x, y, 1) of a row lie in the world: center + depth * (dx, dy, dz) . (x, y, 1).
+struct WorldRow {
+  float center[3];
+  Color dx, dy, dz;
+};
+
+// How uneven ground looks, seen steeply from above.
+struct GroundLook {
+  const Texture* texture;
+  int last_level;
+  float texels, u0, v0;  // per metre; texel = metres * texels + (u0, v0)
+  float texel_angle;     // texels that a pixel covers per metre of distance
+  float foliage;         // contrast of leaves per alpha
+  double repeat;         // of leaves along u, texels; 0 for never
+  CanopyLevels levels;
+  CanopyView leaves;
+};
+
 // The inner loops of drawing, once for what every x86-64-v2 machine has and once for AVX2, chosen at run time. The
 // operations are the same, and so are the bits.
 struct RowKernels {
@@ -59,6 +77,13 @@ struct RowKernels {
   void (*draw_plane)(const FacetRow& facets, int plane, const PixelRow& pixels);
   // A piece of a plane from pixel `first` of its row on.
   void (*paint_plain)(const PlainLook& look, const PlainRow& row, int first, const PixelRow& pixels);
+  // Moves pixels of `lanes` along their rays onto the ground, from about these inverse depths: distance, surface, and the
+  // ground's slope (of eight pixels). Returns the lanes that were not near enough.
+  unsigned (*settle_on_ground)(const HeightGrid& grid, const WorldRow& world, const float* inverse, unsigned lanes,
+                               const PixelRow& pixels, float* slope);
+  // Light of the pixels in `lanes`, which show ground of this slope.
+  void (*shade_ground)(const GroundLook& look, const WorldRow& world, const float* slope, unsigned lanes,
+                       const PixelRow& pixels);
   // Light of `count` pixels from (x, y) on after motion blur; light: of the whole picture.
   void (*blur)(const Light* light, int width, int height, int x, int y, int count, const float* distance,
                const RowMotion& motion, Color* blurred);

@@ -155,6 +155,11 @@ class Texture {
   int Height() const { return levels_[0].height; }
   int NumLevels() const { return static_cast<int>(levels_.size()); }
   const Image& Level(int level) const { return levels_[level]; }
+  // The coarsest level of at least 2 x 2 texels.
+  int LastWhole() const {
+    const Image& last = levels_.back();
+    return NumLevels() - (NumLevels() > 1 && std::min(last.width, last.height) < 2 ? 2 : 1);
+  }
   // Trilinear. x, y: texels of level 0; lod: log2 of the footprint in texels, below 0 means magnified.
   Color Sample(float x, float y, float lod) const {
     lod = std::clamp(lod, 0.f, static_cast<float>(levels_.size() - 1));

@@ -14,55 +14,115 @@ void Renderer::CastTile(int x0, int y0, int x1, int y1, const Beam& beam, const 
     }
     return;
   }
-  constexpr int kNodes = kTile / 2 + 1;
-  Hit nodes[kNodes][kNodes];  // by row and column
-  float inverse[kNodes][kNodes];
-  const auto cast = [&](int x, int y) { return scene_->Cast(rows_[y].center, Direction(x, y), beam); };
-  for (int j = 0; j < kNodes; ++j) {
-    for (int i = 0; i < kNodes; ++i) {
-      const int x = x0 + 2 * i, y = y0 + 2 * j;
-      const bool corner = i % (kNodes - 1) == 0 && j % (kNodes - 1) == 0;
-      nodes[j][i] = corner ? hits[2 * (i != 0) + (j != 0)] : cast(x, y);
-      const size_t k = static_cast<size_t>(y) * camera_.width + x;
-      inverse[j][i] = ray_stretch_[k] / static_cast<float>(nodes[j][i].distance);
-    }
+  UnevenTile tile{x0, y0, {}, {}};
+  for (int j = 0; j < kTile; ++j) {
+    const RowPose& row = rows_[y0 + j];
+    const auto part = [&](int axis) {
+      return Color{static_cast<float>(row.rotation(axis, 0)), static_cast<float>(row.rotation(axis, 1)),
+                   static_cast<float>(row.rotation(axis, 2)), 0.f};
+    };
+    tile.world[j] = {{static_cast<float>(row.center.x()), static_cast<float>(row.center.y()),
+                      static_cast<float>(row.center.z())},
+                     part(0), part(1), part(2)};
   }
-  UnevenTile tile{x0, y0, {}};
-  const auto set = [&](int i, int j, float distance, int surface, float slope) {
-    tile.slope[j][i] = slope;
-    const size_t k = static_cast<size_t>(y0 + j) * camera_.width + x0 + i;
-    distance_[k] = distance;
-    surface_[k] = surface;
-  };
-  for (int j = 0; j + 1 < kNodes; ++j) {
-    for (int i = 0; i + 1 < kNodes; ++i) {
-      const Hit& node = nodes[j][i];
-      set(2 * i, 2 * j, static_cast<float>(node.distance), node.surface, node.slope);
-      // One surface all around, and no jump between the four pixels.
-      bool even = node.surface != Hit::kNothing;
-      for (int b = std::max(j - 1, 0); b <= std::min(j + 2, kNodes - 1); ++b) {
-        for (int a = std::max(i - 1, 0); a <= std::min(i + 2, kNodes - 1); ++a)
-          even &= nodes[b][a].surface == node.surface;
-      }
-      const float w00 = inverse[j][i], w10 = inverse[j][i + 1], w01 = inverse[j + 1][i], w11 = inverse[j + 1][i + 1];
-      even &= std::abs(w00 + w11 - w10 - w01) < 3e-3f * w00;
-      const std::pair<int, int> rest[] = {{1, 0}, {0, 1}, {1, 1}};
-      const float between[] = {0.5f * (w00 + w10), 0.5f * (w00 + w01), 0.25f * (w00 + w10 + w01 + w11)};
-      for (int k = 0; k < 3; ++k) {
-        const int x = 2 * i + rest[k].first, y = 2 * j + rest[k].second;
-        const float stretch = ray_stretch_[static_cast<size_t>(y0 + y) * camera_.width + x0 + x];
-        Hit between_nodes{stretch / between[k], node.surface, node.slope};
-        if (even && (node.surface != Hit::kGround ||
-                     scene_->SettleOnGround(rows_[y0 + y].center, Direction(x0 + x, y0 + y), &between_nodes))) {
-          set(x, y, static_cast<float>(between_nodes.distance), node.surface, between_nodes.slope);
-        } else {
-          const Hit hit = cast(x0 + x, y0 + y);
-          set(x, y, static_cast<float>(hit.distance), hit.surface, hit.slope);
-        }
+  // On open ground rays are cast through every fourth pixel at first.
+  const bool open = !beam.solids && hits[0].surface == Hit::kGround && hits[1].surface == Hit::kGround &&
+                    hits[2].surface == Hit::kGround && hits[3].surface == Hit::kGround;
+  TileNodes nodes;
+  if (!open || !(CastNodes(x0, y0, 4, beam, hits, &nodes), nodes.Smooth())) CastNodes(x0, y0, 2, beam, hits, &nodes);
+  for (int j = 0; j < kTile; ++j) {
+    // Inverse depths between nodes, and which pixels lie between nodes without a jump.
+    float between[kTile];
+    unsigned even = 0, ground = 0;
+    for (int i = 0; i < kTile; ++i) {
+      const int a = i / nodes.step, b = j / nodes.step;
+      const float u = static_cast<float>(i % nodes.step) / static_cast<float>(nodes.step),
+                  v = static_cast<float>(j % nodes.step) / static_cast<float>(nodes.step);
+      const float above = nodes.inverse[b][a] + (nodes.inverse[b][a + 1] - nodes.inverse[b][a]) * u,
+                  below = nodes.inverse[b + 1][a] + (nodes.inverse[b + 1][a + 1] - nodes.inverse[b + 1][a]) * u;
+      between[i] = above + (below - above) * v;
+      if (!nodes.even[b][a]) continue;
+      even |= 1u << i;
+      if (nodes.hit[b][a].surface == Hit::kGround) ground |= 1u << i;
+    }
+    const PixelRow pixels = PixelsAt(static_cast<size_t>(y0 + j) * camera_.width + x0, kTile, j);
+    unsigned missed = 0;
+    if (ground != 0)
+      missed = RowKernels::Get().settle_on_ground(scene_->grid, tile.world[j], between, ground, pixels, tile.slope[j]);
+    for (int i = 0; i < kTile; ++i) {
+      const bool node = i % nodes.step == 0 && j % nodes.step == 0;
+      const Hit& near = nodes.hit[j / nodes.step][i / nodes.step];
+      const auto set = [&](const Hit& hit) {
+        pixels.distance[i] = static_cast<float>(hit.distance);
+        pixels.surface[i] = hit.surface;
+        tile.slope[j][i] = hit.slope;
+      };
+      if (node) {
+        set(near);
+      } else if ((even >> i & 1) == 0 || (missed >> i & 1) != 0) {
+        set(scene_->Cast(rows_[y0 + j].center, Direction(x0 + i, y0 + j), beam));
+      } else if ((ground >> i & 1) == 0) {
+        set({pixels.stretch[i] / between[i], near.surface, near.slope});
       }
     }
   }
   ShadeTile(tile);
+}
+
+// Rays through every `step`-th pixel; those of a coarser step are kept.
+void Renderer::CastNodes(int x0, int y0, int step, const Beam& beam, const Hit* corners, TileNodes* nodes) const {
+  const int count = kTile / step + 1;
+  Hit before[kTile / 4 + 1][kTile / 4 + 1];
+  const bool finer = nodes->step == 2 * step;
+  if (finer) {
+    for (int j = 0; j <= kTile / 4; ++j) std::copy(nodes->hit[j], nodes->hit[j] + kTile / 4 + 1, before[j]);
+  }
+  nodes->step = step;
+  for (int j = 0; j < count; ++j) {
+    for (int i = 0; i < count; ++i) {
+      const int x = x0 + step * i, y = y0 + step * j;
+      Hit& hit = nodes->hit[j][i];
+      if (i % (count - 1) == 0 && j % (count - 1) == 0)
+        hit = corners[2 * (i != 0) + (j != 0)];
+      else if (finer && i % 2 == 0 && j % 2 == 0)
+        hit = before[j / 2][i / 2];
+      else
+        hit = scene_->Cast(rows_[y].center, Direction(x, y), beam);
+      nodes->inverse[j][i] =
+          ray_stretch_[static_cast<size_t>(y) * camera_.width + x] / static_cast<float>(hit.distance);
+    }
+  }
+  for (int j = 0; j + 1 < count; ++j) {
+    for (int i = 0; i + 1 < count; ++i) {
+      // One surface all around, and no jump between the four pixels.
+      const int surface = nodes->hit[j][i].surface;
+      bool even = surface != Hit::kNothing;
+      for (int b = std::max(j - 1, 0); b <= std::min(j + 2, count - 1); ++b) {
+        for (int a = std::max(i - 1, 0); a <= std::min(i + 2, count - 1); ++a)
+          even &= nodes->hit[b][a].surface == surface;
+      }
+      const auto& w = nodes->inverse;
+      nodes->even[j][i] = even && std::abs(w[j][i] + w[j + 1][i + 1] - w[j][i + 1] - w[j + 1][i]) < 3e-3f * w[j][i];
+    }
+  }
+}
+
+bool Renderer::TileNodes::Smooth() const {
+  const int count = kTile / step + 1;
+  for (int j = 0; j + 1 < count; ++j) {
+    for (int i = 0; i + 1 < count; ++i) {
+      if (!even[j][i]) return false;
+    }
+  }
+  for (int j = 0; j < count; ++j) {
+    for (int i = 0; i + 2 < count; ++i) {
+      const float limit = 1.5e-3f * inverse[j][i];
+      if (std::abs(inverse[j][i] + inverse[j][i + 2] - 2 * inverse[j][i + 1]) > limit ||
+          std::abs(inverse[i][j] + inverse[i + 2][j] - 2 * inverse[i + 1][j]) > limit)
+        return false;
+    }
+  }
+  return true;
 }
 
 void Renderer::ShadeTile(const UnevenTile& tile) {
@@ -99,9 +159,17 @@ void Renderer::ShadeTile(const UnevenTile& tile) {
   const bool steep_view = view.z() < -0.75;
   const bool common =
       steep_view && scene_->foliage > 0 && (scene_->detail == nullptr || distance_[middle] * texel_angle > 0.6);
-  const CanopyView leaves = scene_->LeavesSeen(view, time_);
-  const CanopyLevels levels(static_cast<float>(std::log2(std::max(distance_[middle] * texel_angle, 1e-3))));
-  const Texture& texture = *scene_->ground;
+  const auto scale = static_cast<float>(texels);
+  const GroundLook look{scene_->ground.get(),
+                        scene_->ground->LastWhole(),
+                        scale,
+                        static_cast<float>(-scene_->grid.x0 * texels - 0.5),
+                        static_cast<float>(-scene_->grid.y0 * texels - 0.5),
+                        static_cast<float>(texel_angle),
+                        scene_->foliage * (1.f / 255),
+                        scene_->ground_repeat,
+                        CanopyLevels(static_cast<float>(std::log2(std::max(distance_[middle] * texel_angle, 1e-3)))),
+                        scene_->LeavesSeen(view, time_)};
   for (int j = 0; j < kTile; ++j) {
     const int y = tile.y0 + j;
     const size_t row = static_cast<size_t>(y) * camera_.width + tile.x0;
@@ -111,38 +179,14 @@ void Renderer::ShadeTile(const UnevenTile& tile) {
       for (int i = 0; i < kTile; ++i) shade(i, j);
       continue;
     }
-    static_assert(kTile == CanopyPoints::kCount);
-    CanopyPoints points;
-    double xs[kTile], ys[kTile], origin_x = 1e30, origin_y = 1e30;
+    unsigned lanes = 0;
     for (int i = 0; i < kTile; ++i) {
-      const double distance = std::min(distance_[row + i], 1e5f);
-      const Eigen::Vector3d point = rows_[y].center + distance * Direction(tile.x0 + i, y);
-      xs[i] = (point.x() - scene_->grid.x0) * texels - 0.5;
-      ys[i] = (point.y() - scene_->grid.y0) * texels - 0.5;
-      points.z[i] = tile.slope[j][i] > 0.7f ? static_cast<float>(point.z() * texels) : 0.f;
-      origin_x = std::min(origin_x, xs[i]);
-      origin_y = std::min(origin_y, ys[i]);
-    }
-    for (int i = 0; i < kTile; ++i) {
-      points.x[i] = static_cast<float>(xs[i] - origin_x);
-      points.y[i] = static_cast<float>(ys[i] - origin_y);
-    }
-    const double repeat = scene_->ground_repeat;
-    const double turns = repeat > 0 ? repeat * std::floor(origin_x / repeat) : 0;
-    float brightness[kTile];
-    CanopyAt(points, origin_x - turns, origin_y, levels, leaves, brightness);
-    for (int i = 0; i < kTile; ++i) {
-      if (surface_[row + i] != Hit::kGround) {
+      if (surface_[row + i] == Hit::kGround)
+        lanes |= 1u << i;
+      else
         shade(i, j);
-        continue;
-      }
-      const auto width = static_cast<float>(distance_[row + i] * texel_angle);
-      const float steep = 0.8f * tile.slope[j][i];
-      const float lod = Log2(steep > 1 ? std::max(width, 1.5f * steep) : width);
-      Color color = texture.Sample(static_cast<float>(xs[i]), static_cast<float>(ys[i]), lod);
-      if (color[3] > 1) color *= 1.f + scene_->foliage * (1.f / 255) * color[3] * brightness[i];
-      light_[row + i] = PackLight(color);
     }
+    RowKernels::Get().shade_ground(look, tile.world[j], tile.slope[j], lanes, PixelsAt(row, kTile, j));
   }
 }
 
