@@ -147,8 +147,7 @@ void Renderer::BlurRow(int y, int begin, int end, Color* blurred) const {
       kernels.blur_even(light_.data(), width, x, y, offset, blurred + x);
       continue;
     }
-    kernels.blur(light_.data(), width, camera_.height, x, y, count, distance_.data() + row + x, motion,
-                           blurred + x);
+    kernels.blur(light_.data(), width, camera_.height, x, y, count, distance_.data() + row + x, motion, blurred + x);
   }
 }
 

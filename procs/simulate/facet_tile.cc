@@ -52,7 +52,8 @@ void Renderer::DrawFacets(int tile_row) {
         kernels.draw_facets(facets, list.data() + begin, count, pixels);
     }
     const int tile = tile_row * tiles + k;
-    tiles_[tile] = {Beam{}, surface_[static_cast<size_t>(y0) * width + x], plain, FindMotion(tile, plain), begin, count};
+    tiles_[tile] = {Beam{}, surface_[static_cast<size_t>(y0) * width + x], plain, FindMotion(tile, plain), begin,
+                    count};
   }
 }
 

@@ -27,12 +27,12 @@ struct FacetPlane {
 
 // How a plane that faces the camera looks.
 struct FacetLook {
-  const Texture* texture;  // null: the tint is all
-  Color tint;              // multiplies the texture
-  RayLinear u, v;          // texel times inverse depth
-  RayLinear along_u, along_v;        // texels per metre of depth along the ray
-  float texels_per_metre, height;    // height: of the camera above the plane, metres
-  int last_level;          // the coarsest mipmap of two texels or more
+  const Texture* texture;          // null: the tint is all
+  Color tint;                      // multiplies the texture
+  RayLinear u, v;                  // texel times inverse depth
+  RayLinear along_u, along_v;      // texels per metre of depth along the ray
+  float texels_per_metre, height;  // height: of the camera above the plane, metres
+  int last_level;                  // the coarsest mipmap of two texels or more
 };
 
 struct FacetSolid {

@@ -213,7 +213,8 @@ bool Renderer::PaintPlainTile(const PlainTile& tile, float lod) {
       const float du = static_cast<float>(tile.u[side + 1] - tile.u[side]) * per_row;
       const float dv = static_cast<float>(tile.v[side + 1] - tile.v[side]) * per_row;
       for (int row = 0; row <= rows; ++row, u_row += du, v_row += dv) {
-        __builtin_prefetch(look.levels[l].texels + static_cast<int>(v_row) * look.levels[l].width + static_cast<int>(u_row));
+        __builtin_prefetch(look.levels[l].texels + static_cast<int>(v_row) * look.levels[l].width +
+                           static_cast<int>(u_row));
       }
     }
   }

@@ -89,9 +89,9 @@ class Renderer {
 
   struct TileState {
     Beam beam;
-    int surface;  // of the first corner
-    bool plain;   // shows nothing but this surface
-    bool still;   // moves by less than half a pixel
+    int surface;               // of the first corner
+    bool plain;                // shows nothing but this surface
+    bool still;                // moves by less than half a pixel
     int first = 0, count = 0;  // of facet_lists_
   };
   // As RowMotion, at the corners: upper left, lower left, upper right, lower right.
@@ -124,8 +124,8 @@ class Renderer {
   }
   // Pixels i to i + count - 1, in a row of a tile.
   PixelRow PixelsAt(size_t i, int count, int row) {
-    return {&plane_x_[i],  &plane_y_[i], &ray_stretch_[i], &distance_[i],
-            &surface_[i], &light_[i],   count,            static_cast<float>(row)};
+    return {&plane_x_[i], &plane_y_[i], &ray_stretch_[i],       &distance_[i], &surface_[i],
+            &light_[i],   count,        static_cast<float>(row)};
   }
   void CastTiles(int pair);
   // A row of tiles of a scene for which FacetRow serves.
@@ -147,8 +147,8 @@ class Renderer {
   void SmoothPixel(int x, int y, const Beam& beam, std::vector<Smoothed>* smoothed) const;
   void SmoothFacets(int tile_row, std::vector<Smoothed>* smoothed) const;
   void SmoothFacetPixel(int x, int y, int tile_row, const TileState& tile, std::vector<Smoothed>* smoothed) const;
-  // Where a point at `distance` along a pixel's ray in the middle of the exposure is at its beginning (0, 1) and end (2,
-  // 3), less the pixel.
+  // Where a point at `distance` along a pixel's ray in the middle of the exposure is at its beginning (0, 1) and end
+  // (2, 3), less the pixel.
   Color MotionOf(int x, int y, float distance) const;
   // Finds how what a tile shows moves. True if all of it moves by less than half a pixel.
   bool FindMotion(int tile, bool plain);
@@ -169,17 +169,17 @@ class Renderer {
   double pixel_angle_ = 0, time_ = 0;
   bool distorted_ = false;
   BigVector<Eigen::Vector3f> rays_;
-  BigVector<float> ray_stretch_;  // 1 / rays_.z: distance over depth
-  BigVector<float> plane_x_, plane_y_;             // of the rays, at z = 1
-  std::vector<FacetRow::Bounds> tile_bounds_;      // of those, with half a pixel around
-  bool facets_ = false;                            // how this frame is drawn
-  std::vector<FacetRow> facet_rows_;               // per row of tiles
-  std::vector<std::vector<uint16_t>> facet_lists_; // solids that may be seen, tile by tile
+  BigVector<float> ray_stretch_;                    // 1 / rays_.z: distance over depth
+  BigVector<float> plane_x_, plane_y_;              // of the rays, at z = 1
+  std::vector<FacetRow::Bounds> tile_bounds_;       // of those, with half a pixel around
+  bool facets_ = false;                             // how this frame is drawn
+  std::vector<FacetRow> facet_rows_;                // per row of tiles
+  std::vector<std::vector<uint16_t>> facet_lists_;  // solids that may be seen, tile by tile
   std::vector<RowPose> rows_;
   BigVector<float> distance_;
   BigVector<int> surface_;
   std::vector<TileState> tiles_;
-  std::vector<TileMotion> motions_;  // of tiles that are not still
+  std::vector<TileMotion> motions_;              // of tiles that are not still
   std::vector<std::vector<Smoothed>> smoothed_;  // per row of tiles
   BigVector<Light> light_;                       // before blur
   float edge_slope_ = 0;                         // depth that changes faster, metres per pixel and distance, is an edge

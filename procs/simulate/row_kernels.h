@@ -77,8 +77,8 @@ struct RowKernels {
   void (*draw_plane)(const FacetRow& facets, int plane, const PixelRow& pixels);
   // A piece of a plane from pixel `first` of its row on.
   void (*paint_plain)(const PlainLook& look, const PlainRow& row, int first, const PixelRow& pixels);
-  // Moves pixels of `lanes` along their rays onto the ground, from about these inverse depths: distance, surface, and the
-  // ground's slope (of eight pixels). Returns the lanes that were not near enough.
+  // Moves pixels of `lanes` along their rays onto the ground, from about these inverse depths: distance, surface, and
+  // the ground's slope (of eight pixels). Returns the lanes that were not near enough.
   unsigned (*settle_on_ground)(const HeightGrid& grid, const WorldRow& world, const float* inverse, unsigned lanes,
                                const PixelRow& pixels, float* slope);
   // Light of the pixels in `lanes`, which show ground of this slope.

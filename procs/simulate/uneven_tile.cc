@@ -21,9 +21,11 @@ void Renderer::CastTile(int x0, int y0, int x1, int y1, const Beam& beam, const 
       return Color{static_cast<float>(row.rotation(axis, 0)), static_cast<float>(row.rotation(axis, 1)),
                    static_cast<float>(row.rotation(axis, 2)), 0.f};
     };
-    tile.world[j] = {{static_cast<float>(row.center.x()), static_cast<float>(row.center.y()),
-                      static_cast<float>(row.center.z())},
-                     part(0), part(1), part(2)};
+    tile.world[j] = {
+        {static_cast<float>(row.center.x()), static_cast<float>(row.center.y()), static_cast<float>(row.center.z())},
+        part(0),
+        part(1),
+        part(2)};
   }
   // On open ground rays are cast through every fourth pixel at first.
   const bool open = !beam.solids && hits[0].surface == Hit::kGround && hits[1].surface == Hit::kGround &&
