@@ -139,17 +139,13 @@ class ImageWriter : public FrameWriter {
   void Write(const Frame& frame) override {
     char name[32];
     std::snprintf(name, sizeof name, "/%06d.png", count_++);
-    bool written = false;
-    try {
-      written = cv::imwrite(part_ + name, View(frame), {cv::IMWRITE_PNG_COMPRESSION, 1});
-    } catch (const cv::Exception&) {
-    }
-    // OpenCV does not notice a full disk: the end of a PNG file is its IEND chunk.
-    std::ifstream file(part_ + name, std::ios::binary);
-    char tail[8] = {};
-    file.seekg(-8, std::ios::end);
-    file.read(tail, 8);
-    if (!written || !file || std::memcmp(tail, "IEND", 4) != 0) {
+    // Encoded in memory first: on a full disk libpng would print a line of its own.
+    std::vector<uint8_t> png;
+    cv::imencode(".png", View(frame), png, {cv::IMWRITE_PNG_COMPRESSION, 1});
+    std::ofstream file(part_ + name, std::ios::binary);
+    file.write(reinterpret_cast<const char*>(png.data()), static_cast<std::streamsize>(png.size()));
+    file.close();
+    if (!file) {
       throw std::runtime_error(final_ + name + ": cannot be written (disk full?)");
     }
   }
