@@ -145,6 +145,45 @@ TEST(RowKernels, AreTheSameOnAllProcessors) {
   }
 }
 
+TEST(RowKernels, EvenGroundIsTheSameOnAllProcessors) {
+  constexpr int kSize = 64;
+  std::vector<uint32_t> fine(kSize * kSize), coarse(kSize * kSize);
+  std::vector<float> cells(kSize * kSize);
+  Random random(8);
+  for (auto* level : {&fine, &coarse}) {
+    for (uint32_t& texel : *level) texel = static_cast<uint32_t>(random.Next());
+  }
+  for (float& cell : cells) cell = static_cast<float>(random.Uniform(-1e-3, 1e-3));
+  PlainLook look{{{fine.data(), kSize, 1, 9.3f, 8.1f}, {coarse.data(), kSize, 0.5f, 4.4f, 4.2f}},
+                 false,
+                 false,
+                 12000,
+                 {{cells.data(), kSize, 1, 7.2f, 6.4f}, {cells.data(), kSize, 1, 5.7f, 9.1f}},
+                 Color{1, 0.8f, 1.1f, 1},
+                 0};
+  const float stretch[8] = {1, 1.1f, 1.2f, 1.3f, 1.4f, 1.5f, 1.6f, 1.7f};
+  const PlainRow row{0.4f, 0.011f, 0.1f, 0.009f, 0.01f, 1e-5f};
+  for (const bool two : {false, true}) {
+    for (const bool grows : {false, true}) {
+      for (const int count : {8, 5}) {
+        look.two = two, look.grows = grows;
+        float distance[2][8] = {};
+        int surface[2][8] = {};
+        Light light[2][8] = {};
+        for (const int which : {0, 1}) {
+          const RowKernels& kernels = which == 0 ? RowKernels::Portable() : RowKernels::Get();
+          kernels.paint_plain(look, row, 8,
+                              {stretch, stretch, stretch, distance[which], surface[which], light[which], count, 0});
+        }
+        EXPECT_EQ(std::memcmp(distance[0], distance[1], sizeof distance[0]), 0);
+        EXPECT_EQ(std::memcmp(light[0], light[1], sizeof light[0]), 0);
+        EXPECT_NE(light[0][count - 1][1], 0);
+        EXPECT_EQ(distance[0][7] != 0, count == 8);
+      }
+    }
+  }
+}
+
 TEST(RowKernels, GroundIsTheSameOnAllProcessors) {
   HeightGrid grid;
   grid.x0 = grid.y0 = -30;
