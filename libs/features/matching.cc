@@ -35,21 +35,34 @@ std::vector<int> AllOr(const std::vector<int>& mask, int size) {
   return all;
 }
 
-// Matches the features of two index lists; best_b is reused scratch of b's size.
-void MatchLists(const Features& a, const std::vector<int>& list_a, const Features& b, const std::vector<int>& list_b,
-                const MatchOptions& options, std::vector<Match>* matches) {
-  std::vector<Best> best_of_b(options.mutual ? list_b.size() : 0);
-  std::vector<Best> best_of_a(list_a.size());
-  for (size_t i = 0; i < list_a.size(); ++i) {
+// Part of a list of feature indices.
+struct IndexRange {
+  const int* first = nullptr;
+  size_t size = 0;
+  int operator[](size_t i) const { return first[i]; }
+};
+
+// Reused from call to call: there are many short ones.
+struct MatchScratch {
+  std::vector<Best> best_of_a, best_of_b;
+};
+
+// Matches the features of two index lists.
+void MatchLists(const Features& a, const IndexRange& list_a, const Features& b, const IndexRange& list_b,
+                const MatchOptions& options, MatchScratch* scratch, std::vector<Match>* matches) {
+  std::vector<Best>&best_of_a = scratch->best_of_a, &best_of_b = scratch->best_of_b;
+  best_of_a.assign(list_a.size, {});
+  best_of_b.assign(options.mutual ? list_b.size : 0, {});
+  for (size_t i = 0; i < list_a.size; ++i) {
     const Descriptor& descriptor = a.descriptors[list_a[i]];
     Best& best = best_of_a[i];
-    for (size_t j = 0; j < list_b.size(); ++j) {
+    for (size_t j = 0; j < list_b.size; ++j) {
       const int distance = HammingDistance(descriptor, b.descriptors[list_b[j]]);
       best.Add(static_cast<int>(j), distance);
       if (options.mutual && distance < best_of_b[j].distance) best_of_b[j] = {static_cast<int>(i), distance, 0};
     }
   }
-  for (size_t i = 0; i < list_a.size(); ++i) {
+  for (size_t i = 0; i < list_a.size; ++i) {
     const Best& best = best_of_a[i];
     if (!best.Passes(options)) continue;
     if (options.mutual && best_of_b[best.index].index != static_cast<int>(i)) continue;
@@ -77,8 +90,10 @@ void Finish(const Features& a, const Features& b, const MatchOptions& options, s
 
 std::vector<Match> MatchBruteForce(const Features& a, const Features& b, const MatchOptions& options,
                                    const std::vector<int>& mask_a, const std::vector<int>& mask_b) {
+  const std::vector<int> list_a = AllOr(mask_a, a.Size()), list_b = AllOr(mask_b, b.Size());
+  MatchScratch scratch;
   std::vector<Match> matches;
-  MatchLists(a, AllOr(mask_a, a.Size()), b, AllOr(mask_b, b.Size()), options, &matches);
+  MatchLists(a, {list_a.data(), list_a.size()}, b, {list_b.data(), list_b.size()}, options, &scratch, &matches);
   Finish(a, b, options, &matches);
   return matches;
 }
@@ -93,6 +108,7 @@ std::vector<Match> MatchByNodes(const Features& a, const std::vector<int32_t>& n
   };
   const std::vector<int> list_a = by_node(nodes_a, AllOr(mask_a, a.Size()));
   const std::vector<int> list_b = by_node(nodes_b, AllOr(mask_b, b.Size()));
+  MatchScratch scratch;
   std::vector<Match> matches;
   for (size_t i = 0, j = 0; i < list_a.size() && j < list_b.size();) {
     const int node_a = nodes_a[list_a[i]], node_b = nodes_b[list_b[j]];
@@ -100,8 +116,7 @@ std::vector<Match> MatchByNodes(const Features& a, const std::vector<int32_t>& n
     while (i_end < list_a.size() && nodes_a[list_a[i_end]] == node_a) ++i_end;
     while (j_end < list_b.size() && nodes_b[list_b[j_end]] == node_b) ++j_end;
     if (node_a == node_b) {
-      MatchLists(a, {list_a.begin() + i, list_a.begin() + i_end}, b, {list_b.begin() + j, list_b.begin() + j_end},
-                 options, &matches);
+      MatchLists(a, {list_a.data() + i, i_end - i}, b, {list_b.data() + j, j_end - j}, options, &scratch, &matches);
     }
     if (node_a <= node_b) i = i_end;
     if (node_b <= node_a) j = j_end;

@@ -71,8 +71,9 @@ class Problem {
       if (!(a_in_b ? ResidualAInB(o, t, &r, &J) : ResidualBInA(o, t, &r, &J))) return;
       const double e = r.norm();
       const double weight = e <= huber_ ? 1 : huber_ / e;
-      *H += weight * J.transpose() * J;
-      *g += weight * J.transpose() * r;
+      const Eigen::Matrix<double, 7, 2> weighted = weight * J.transpose();
+      H->noalias() += weighted.lazyProduct(J);
+      g->noalias() += weighted.lazyProduct(r);
     });
   }
 

@@ -5,6 +5,7 @@
 #include <limits>
 #include <map>
 #include <set>
+#include <unordered_set>
 
 #include "libs/mapping/guided_projection.h"
 #include "libs/mapping/text_format.h"
@@ -28,10 +29,11 @@ struct WindowAppearance {
 
 WindowAppearance Describe(const SubmapView& view, const KeyframeWindow& window) {
   WindowAppearance result;
-  std::set<MapPointId> seen;
+  std::unordered_set<MapPointId> seen;
+  std::vector<PointAppearance> all;
   for (size_t i = 0; i < window.size(); ++i) {
     result.rotations.push_back(window[i]->cam_from_submap.rotation);
-    std::vector<PointAppearance> all;
+    all.clear();
     AppendAppearances(view, *window[i], static_cast<int>(i), &all);
     for (PointAppearance& p : all) {
       if (seen.insert(p.id).second) result.points.push_back(p);

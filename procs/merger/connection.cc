@@ -12,14 +12,55 @@
 namespace mapmend {
 namespace {
 
-// Evenly chosen observations, at most so many each way: plenty for a transform, and bounded cost however much is known.
-CrossObservations Thinned(const CrossObservations& all, size_t max_each_way) {
-  CrossObservations thinned;
-  for (const auto way : {&CrossObservations::a_in_b, &CrossObservations::b_in_a}) {
-    const size_t n = std::min((all.*way).size(), max_each_way);
-    for (size_t i = 0; i < n; ++i) (thinned.*way).push_back((all.*way)[i * (all.*way).size() / n]);
+// Matches as they are kept in the evidence, of some pairs of connected frames.
+struct MatchesOfPairs {
+  std::vector<CrossMatch> a_in_b, b_in_a;
+
+  void Add(const ConnectedFrames& e) {
+    a_in_b.insert(a_in_b.end(), e.a_in_b.begin(), e.a_in_b.end());
+    b_in_a.insert(b_in_a.end(), e.b_in_a.begin(), e.b_in_a.end());
   }
+};
+
+std::vector<CrossMatch> Thinned(const std::vector<CrossMatch>& all, size_t max_size) {
+  std::vector<CrossMatch> thinned;
+  const size_t n = std::min(all.size(), max_size);
+  for (size_t i = 0; i < n; ++i) thinned.push_back(all[i * all.size() / n]);
   return thinned;
+}
+
+// Evenly chosen observations, at most so many each way: plenty for a transform, and bounded cost however much is known.
+template <typename Matches>
+CrossObservations ResolveSome(const SubmapView& a, const SubmapView& b, const Matches& matches, size_t max_each_way) {
+  return ResolveMatches(a, b, Thinned(matches.a_in_b, max_each_way), Thinned(matches.b_in_a, max_each_way));
+}
+
+// Common points (frame of a) spread over the evidence, for the cycle check.
+std::vector<Eigen::Vector3d> Probes(const Connection& c, const Submap& a) {
+  std::vector<Eigen::Vector3d> all;
+  for (size_t i = 0; i < c.evidence.size(); ++i) {
+    if (!c.agrees[i]) continue;
+    for (const auto& [point, other] : c.evidence[i].common_points) {
+      const auto it = a.points.find(point);
+      if (it != a.points.end()) all.push_back(it->second.position);
+    }
+  }
+  constexpr size_t kMaxProbes = 30;
+  std::vector<Eigen::Vector3d> probes;
+  const size_t n = std::min(all.size(), kMaxProbes);
+  for (size_t i = 0; i < n; ++i) probes.push_back(all[i * all.size() / n]);
+  return probes;
+}
+
+double ViewingDistance(const Connection& c, const Submap& a) {
+  for (size_t i = 0; i < c.evidence.size(); ++i) {
+    if (!c.agrees[i]) continue;
+    const auto it = a.keyframes.find(c.evidence[i].keyframe_a);
+    if (it == a.keyframes.end()) continue;
+    const double depth = MedianDepth(a, it->second);
+    if (depth > 0) return depth;
+  }
+  return 1;
 }
 
 }  // namespace
@@ -36,12 +77,9 @@ void EstimateConnection(const SubmapView& a, const SubmapView& b, const Connecti
   }
 
   // The evidence with which most inliers agree leads; the strongest few are asked.
-  constexpr size_t kMaxLeaders = 8, kMaxJudged = 30, kMaxJoint = 2000;
-  std::vector<CrossObservations> observations, judged;
-  for (const ConnectedFrames& e : c->evidence) {
-    observations.push_back(ResolveMatches(a, b, e.a_in_b, e.b_in_a));
-    judged.push_back(Thinned(observations.back(), kMaxJudged));
-  }
+  constexpr size_t kMaxLeaders = 8, kMaxJudged = 30, kMaxJoint = 600;
+  std::vector<CrossObservations> judged;
+  for (const ConnectedFrames& e : c->evidence) judged.push_back(ResolveSome(a, b, e, kMaxJudged));
   std::vector<size_t> strongest(c->evidence.size());
   std::iota(strongest.begin(), strongest.end(), size_t{0});
   std::stable_sort(strongest.begin(), strongest.end(),
@@ -65,14 +103,13 @@ void EstimateConnection(const SubmapView& a, const SubmapView& b, const Connecti
   }
   c->agrees = agrees;
 
-  CrossObservations all;
+  MatchesOfPairs all;
   std::set<std::pair<MapPointId, MapPointId>> common;
   std::vector<double> angles;
   for (size_t i = 0; i < c->evidence.size(); ++i) {
     if (!agrees[i]) continue;
     const ConnectedFrames& e = c->evidence[i];
-    all.a_in_b.insert(all.a_in_b.end(), observations[i].a_in_b.begin(), observations[i].a_in_b.end());
-    all.b_in_a.insert(all.b_in_a.end(), observations[i].b_in_a.begin(), observations[i].b_in_a.end());
+    all.Add(e);
     common.insert(e.common_points.begin(), e.common_points.end());
     angles.push_back(e.median_angle_rad * 180 / M_PI);
     ++c->num_connected_frames;
@@ -81,7 +118,8 @@ void EstimateConnection(const SubmapView& a, const SubmapView& b, const Connecti
   // compromise.
   Sim3RefinementOptions refinement = options.refinement;
   refinement.max_squared_error = options.drift_squared_error;
-  const Sim3RefinementResult refined = RefineSim3(Thinned(all, kMaxJoint), c->evidence[leader].b_from_a, refinement);
+  const Sim3RefinementResult refined =
+      RefineSim3(ResolveSome(a, b, all, kMaxJoint), c->evidence[leader].b_from_a, refinement);
   c->b_from_a = refined.success ? refined.b_from_a : c->evidence[leader].b_from_a;
   c->information = refined.success ? refined.information : c->evidence[leader].information;
   c->num_inliers = refined.success ? refined.num_inliers : c->evidence[leader].num_inliers;
@@ -93,6 +131,8 @@ void EstimateConnection(const SubmapView& a, const SubmapView& b, const Connecti
     c->reason = Format("strength %.1f is below %.1f", c->strength, options.min_strength);
     return;
   }
+  c->probes = Probes(*c, *a.submap);
+  c->viewing_distance = ViewingDistance(*c, *a.submap);
   c->verdict = Connection::Verdict::kAccepted;
   c->reason =
       Format("%d connected frames (of %d looked at) with %d common map points, scale %.3f, median error %.2f px",

@@ -30,7 +30,9 @@ struct Connection {
   Matrix7d information = Matrix7d::Zero();
   int num_inliers = 0;
   double median_error_px = 0;
-  std::vector<char> agrees;  // per evidence
+  std::vector<char> agrees;             // per evidence
+  std::vector<Eigen::Vector3d> probes;  // some common points, frame of a, spread over the evidence
+  double viewing_distance = 1;          // units of a
   bool in_tree = false;
 };
 

@@ -7,34 +7,6 @@
 namespace mapmend {
 namespace {
 
-// Common points (frame of a) spread over the evidence, for the cycle check.
-std::vector<Eigen::Vector3d> Probes(const Connection& c, const Submap& a) {
-  std::vector<Eigen::Vector3d> all;
-  for (size_t i = 0; i < c.evidence.size(); ++i) {
-    if (!c.agrees[i]) continue;
-    for (const auto& [point, other] : c.evidence[i].common_points) {
-      const auto it = a.points.find(point);
-      if (it != a.points.end()) all.push_back(it->second.position);
-    }
-  }
-  constexpr size_t kMaxProbes = 30;
-  std::vector<Eigen::Vector3d> probes;
-  const size_t n = std::min(all.size(), kMaxProbes);
-  for (size_t i = 0; i < n; ++i) probes.push_back(all[i * all.size() / n]);
-  return probes;
-}
-
-double ViewingDistance(const Connection& c, const Submap& a) {
-  for (size_t i = 0; i < c.evidence.size(); ++i) {
-    if (!c.agrees[i]) continue;
-    const auto it = a.keyframes.find(c.evidence[i].keyframe_a);
-    if (it == a.keyframes.end()) continue;
-    const double depth = MedianDepth(a, it->second);
-    if (depth > 0) return depth;
-  }
-  return 1;
-}
-
 bool SamePlaces(const MergedTransforms& l, const MergedTransforms& r) {
   if (l.submaps.size() != r.submaps.size() || l.edges != r.edges) return false;
   for (size_t i = 0; i < l.submaps.size(); ++i) {
@@ -151,12 +123,14 @@ std::string Merger::Consume(const Record& record) {
     pending_[id].push_back({keyframe->submap, keyframe->keyframe});
   } else if (std::holds_alternative<MapUpdate>(record.body)) {
     if (!pending_[id].empty()) {
+      evaluated.swap(evaluated_again_);
       EvaluatePending(id, &evaluated);
       Update(evaluated, false);
+      EvaluateAgain(&evaluated_again_);
     }
   } else if (const auto* end = std::get_if<SubmapEnded>(&record.body)) {
     EvaluatePending(id, &evaluated);
-    EvaluateAgain(id, end->submap, &evaluated);
+    AskAgainLater({id, end->submap});
     // The submap will not change any more: its connections are estimated from where its points have come to lie.
     for (const auto& [pair, connection] : connections_) {
       const SubmapKey ended{id, end->submap};
@@ -170,30 +144,47 @@ std::string Merger::Consume(const Record& record) {
 void Merger::EvaluatePending(const std::string& session, std::set<PairKey>* evaluated) {
   std::vector<Pending> pending;
   pending.swap(pending_[session]);
-  for (const Pending& p : pending) Evaluate(session, p.submap, p.keyframe, false, evaluated);
+  for (const Pending& p : pending) Evaluate(session, p.submap, p.keyframe, Among::kOthers, evaluated);
 }
 
-void Merger::EvaluateAgain(const std::string& session, SubmapId submap_id, std::set<PairKey>* evaluated) {
+void Merger::AskAgainLater(const SubmapKey& submap) {
+  const std::vector<SubmapKey> keys = OrderedSubmaps();
+  if (std::none_of(keys.begin(), keys.end(),
+                   [&](const SubmapKey& key) { return key != submap && View(key).submap->ended; })) {
+    return;
+  }
   std::vector<KeyframeId> open;
-  for (const auto& [id, keyframe] : sessions_.at(session).submaps.at(submap_id).keyframes) {
-    if (!connected_.contains({session, id})) open.push_back(id);
+  for (const auto& [id, keyframe] : View(submap).submap->keyframes) {
+    if (!connected_.contains({submap.session, id})) open.push_back(id);
   }
   const size_t n = std::min(open.size(), static_cast<size_t>(options_.max_evaluated_again));
-  for (size_t i = 0; i < n; ++i) Evaluate(session, submap_id, open[i * open.size() / n], false, evaluated);
+  for (size_t i = 0; i < n; ++i) again_.push_back({submap, open[i * open.size() / n]});
 }
 
-void Merger::Evaluate(const std::string& session, SubmapId submap, KeyframeId keyframe, bool same_submap,
+void Merger::EvaluateAgain(std::set<PairKey>* evaluated) {
+  while (!again_.empty()) {
+    const auto [submap, keyframe] = again_.front();
+    again_.pop_front();
+    if (connected_.contains({submap.session, keyframe})) continue;  // meanwhile
+    Evaluate(submap.session, submap.submap, keyframe, Among::kEndedOthers, evaluated);
+    return;
+  }
+}
+
+void Merger::Evaluate(const std::string& session, SubmapId submap, KeyframeId keyframe, Among among,
                       std::set<PairKey>* evaluated) {
   if (!sessions_.at(session).submaps.at(submap).keyframes.contains(keyframe)) return;  // culled before its turn
   const SubmapKey query{session, submap};
   std::map<SubmapKey, std::pair<int, int>> looked_at_and_accepted;
-  for (const BowProposal& proposal : bow_->Query({session, keyframe, Cursors(), options_.max_proposals, same_submap})) {
+  const BowQuestion question{session, keyframe, Cursors(), options_.max_proposals, among == Among::kAll};
+  for (const BowProposal& proposal : bow_->Query(question)) {
     const SubmapKey other{proposal.session, proposal.submap};
     const auto other_session = sessions_.find(other.session);
     if (other_session == sessions_.end() || !other_session->second.submaps.contains(other.submap) ||
         !other_session->second.submaps.at(other.submap).keyframes.contains(proposal.keyframe)) {
       continue;
     }
+    if (among == Among::kEndedOthers && !other_session->second.submaps.at(other.submap).ended) continue;
     // Loop closure within the submap: once for the two keyframes, the older first.
     if (other == query && proposal.keyframe > keyframe) continue;
     auto& [looked_at, accepted] = looked_at_and_accepted[other];
@@ -297,9 +288,8 @@ void Merger::JudgeConnections(const std::set<PairKey>& evaluated, bool estimate_
       connection.reason = "switched off by hand; would be used: " + connection.reason;
       continue;
     }
-    const Submap& a = *View(pair.first).submap;
     edges.push_back({index.at(pair.first), index.at(pair.second), connection.strength, connection.b_from_a,
-                     connection.information, Probes(connection, a), ViewingDistance(connection, a)});
+                     connection.information, connection.probes, connection.viewing_distance});
     active.push_back(&connection);
   }
   dirty_.clear();
@@ -375,6 +365,8 @@ void Merger::SetDecisions(const std::vector<EdgeDecision>& decisions) {
 
 void Merger::Complete() {
   pending_.clear();
+  again_.clear();
+  evaluated_again_.clear();
   connections_.clear();
   dirty_.clear();
   connected_.clear();
@@ -385,7 +377,7 @@ void Merger::Complete() {
   for (const SubmapKey& key : OrderedSubmaps()) {
     std::vector<KeyframeId> keyframes;
     for (const auto& [id, keyframe] : View(key).submap->keyframes) keyframes.push_back(id);
-    for (const KeyframeId id : keyframes) Evaluate(key.session, key.submap, id, true, &evaluated);
+    for (const KeyframeId id : keyframes) Evaluate(key.session, key.submap, id, Among::kAll, &evaluated);
   }
   for (auto& [key, loops] : loops_) {
     const auto verify = [&, submap = key](KeyframeId a, KeyframeId b) { return Verify(submap, a, submap, b); };

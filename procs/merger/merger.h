@@ -1,5 +1,6 @@
 #pragma once
 
+#include <deque>
 #include <map>
 #include <set>
 #include <string>
@@ -146,8 +147,9 @@ class Merger {
   std::set<PairKey> TreePairs() const;
   int NumJoinedKeyframes() const;
 
-  // Asks for proposals and verifies them; pairs of submaps looked at are added to evaluated.
-  void Evaluate(const std::string& session, SubmapId submap, KeyframeId keyframe, bool same_submap,
+  // Asks for proposals among these submaps and verifies them; pairs of submaps looked at are added to evaluated.
+  enum class Among { kOthers, kEndedOthers, kAll };
+  void Evaluate(const std::string& session, SubmapId submap, KeyframeId keyframe, Among among,
                 std::set<PairKey>* evaluated);
   // Verifies a pair of keyframes of two submaps, unless it is known; true if it holds.
   bool EvaluatePair(const SubmapKey& query, KeyframeId keyframe, const SubmapKey& other, KeyframeId proposed,
@@ -155,7 +157,11 @@ class Merger {
   // Verifies a loop within a submap; true if it holds.
   bool EvaluateLoop(const SubmapKey& submap, KeyframeId keyframe_a, KeyframeId keyframe_b);
   void EvaluatePending(const std::string& session, std::set<PairKey>* evaluated);
-  void EvaluateAgain(const std::string& session, SubmapId submap, std::set<PairKey>* evaluated);
+  // Keyframes of an ended submap that found no connection are asked once more about the others that have ended (those
+  // that grow ask themselves), one with each keyframe that comes: all at once they would hold up those behind them. What it
+  // finds is told with the next keyframe.
+  void AskAgainLater(const SubmapKey& submap);
+  void EvaluateAgain(std::set<PairKey>* evaluated);
   // Estimates what changed, runs Kruskal with the cycle check, announces connections and transforms.
   void Update(const std::set<PairKey>& evaluated, bool announce_all);
   // Verdicts, tree and components.
@@ -175,6 +181,8 @@ class Merger {
     KeyframeId keyframe;
   };
   std::map<std::string, std::vector<Pending>> pending_;
+  std::deque<std::pair<SubmapKey, KeyframeId>> again_;
+  std::set<PairKey> evaluated_again_;
   std::map<PairKey, Connection> connections_;
   std::set<PairKey> dirty_;                                 // edges whose evidence changed since they were estimated
   std::set<std::pair<std::string, KeyframeId>> connected_;  // keyframes with an accepted connected frame
