@@ -84,7 +84,8 @@ GuidedMatches SearchWindow(const Side& source, const Similarity3& target_from_so
     const Similarity3 cam_from_source = Similarity3(keyframe.cam_from_submap) * target_from_source;
     const ProjectionMatches found =
         FindByProjection(source.appearance.points, source.appearance.rotations, cam_from_source, target.view.camera,
-                         target.view.pyramid, keyframe.features, target.grids[j], search);
+                         target.view.pyramid, keyframe.features.keypoints, keyframe.features.descriptors,
+                         target.grids[j], search);
     for (const ProjectionMatch& m : found.matches) {
       const MapPointId point = source.appearance.points[m.appearance].id;
       if (same_submap && keyframe.map_points[m.feature] == point) continue;

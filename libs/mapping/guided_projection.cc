@@ -59,7 +59,8 @@ void AppendAppearances(const SubmapView& view, const SubmapKeyframe& keyframe, i
 ProjectionMatches FindByProjection(const std::vector<PointAppearance>& appearances,
                                    const std::vector<Eigen::Quaterniond>& source_rotations,
                                    const Similarity3& cam_from_owner, const Pinhole& camera, const Pyramid& pyramid,
-                                   const Features& features, const FeatureGrid& grid,
+                                   const std::vector<Keypoint>& keypoints, const std::vector<Descriptor>& descriptors,
+                                   const FeatureGrid& grid,
                                    const ProjectionSearchOptions& options) {
   ProjectionMatches result;
   std::vector<double> turns;
@@ -69,7 +70,7 @@ ProjectionMatches FindByProjection(const std::vector<PointAppearance>& appearanc
   std::vector<double> scales;
   for (int o = 0; o < pyramid.num_levels; ++o) scales.push_back(pyramid.Scale(o));
   const double log_factor = std::log(pyramid.scale_factor);
-  std::vector<ProjectionMatch> best_of_feature(features.Size());
+  std::vector<ProjectionMatch> best_of_feature(keypoints.size());
   PredictedOctaves octaves(camera, options.octave_tolerance);
 
   for (size_t k = 0; k < appearances.size(); ++k) {
@@ -93,21 +94,21 @@ ProjectionMatches FindByProjection(const std::vector<PointAppearance>& appearanc
     ProjectionMatch best{static_cast<int>(k), -1, 256};
     int second = 256;
     grid.VisitNear(predicted.cast<float>(), static_cast<float>(radius), [&](int i) {
-      const Keypoint& keypoint = features.keypoints[i];
+      const Keypoint& keypoint = keypoints[i];
       if (std::abs(keypoint.octave - octave) > options.octave_tolerance) return;
       if ((keypoint.pixel.cast<double>() - predicted).squaredNorm() > radius * radius) return;
       if (std::abs(WrapAngle(keypoint.angle - appearance.angle - turn)) > options.max_turn) return;
-      const int distance = HammingDistance(features.descriptors[i], appearance.descriptor);
+      const int distance = HammingDistance(descriptors[i], appearance.descriptor);
       if (distance < best.distance) {
         // The same corner is often found on neighbouring octaves: that is no rival.
         const bool same_corner =
             best.feature >= 0 &&
-            (features.keypoints[best.feature].pixel - keypoint.pixel).squaredNorm() < 2.0 * scales[clamped];
+            (keypoints[best.feature].pixel - keypoint.pixel).squaredNorm() < 2.0 * scales[clamped];
         if (!same_corner) second = best.distance;
         best.feature = i;
         best.distance = distance;
       } else if (distance < second &&
-                 (features.keypoints[best.feature].pixel - keypoint.pixel).squaredNorm() >= 2.0 * scales[clamped]) {
+                 (keypoints[best.feature].pixel - keypoint.pixel).squaredNorm() >= 2.0 * scales[clamped]) {
         second = distance;
       }
     });
@@ -115,7 +116,7 @@ ProjectionMatches FindByProjection(const std::vector<PointAppearance>& appearanc
     ProjectionMatch& holder = best_of_feature[best.feature];
     if (best.distance < holder.distance) holder = best;
   }
-  for (const Keypoint& keypoint : features.keypoints) result.num_reachable += octaves.Reach(keypoint);
+  for (const Keypoint& keypoint : keypoints) result.num_reachable += octaves.Reach(keypoint);
   for (const ProjectionMatch& match : best_of_feature) {
     if (match.feature >= 0) result.matches.push_back(match);
   }

@@ -54,7 +54,8 @@ struct ProjectionMatches {
 ProjectionMatches FindByProjection(const std::vector<PointAppearance>& appearances,
                                    const std::vector<Eigen::Quaterniond>& source_rotations,
                                    const Similarity3& cam_from_owner, const Pinhole& camera, const Pyramid& pyramid,
-                                   const Features& features, const FeatureGrid& grid,
+                                   const std::vector<Keypoint>& keypoints, const std::vector<Descriptor>& descriptors,
+                                   const FeatureGrid& grid,
                                    const ProjectionSearchOptions& options);
 
 }  // namespace mapmend

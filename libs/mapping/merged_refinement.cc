@@ -127,7 +127,7 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
                                        const std::vector<Similarity3>& root_from_submap,
                                        const std::vector<RefinementLink>& links, const MergedRefinementOptions& options,
                                        const std::function<void(const std::string&)>& progress,
-                                       const std::function<void()>& matched) {
+                                       const OpenDescriptorSource& open_descriptors) {
   const auto report = [&](const std::string& text) {
     if (progress) progress(text);
   };
@@ -142,6 +142,7 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
     return result;
   }
   const std::vector<MergedKeyframe> tree_keyframes = map.keyframes;
+  SearchedKeyframes searched(map, open_descriptors);
 
   std::vector<PoseGraphEdge> edges = links.empty() ? std::vector<PoseGraphEdge>() : Relations(map, links);
   if (!edges.empty()) {
@@ -155,7 +156,8 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
     // bundle adjustment would need very many steps for.
     OverlapMatchingOptions matching = options.matching;
     matching.radius = options.radii[0];
-    AppendOverlaps(map, MeasureOverlaps(map, options.overlap, matching, options.min_points_of_overlap), &edges);
+    AppendOverlaps(map,
+                   MeasureOverlaps(map, options.overlap, matching, options.min_points_of_overlap, &searched), &edges);
     report(Format("pose graph of %zu keyframes and %zu relations, overlaps among them", map.keyframes.size(),
                   edges.size()));
     summary.pose_graph = SolvePoseGraph(edges, options.pose_graph, &map);
@@ -168,7 +170,7 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
     OverlapMatchingOptions matching = options.matching;
     matching.radius = options.radii[round];
     report(Format("fusion of duplicate points, round %zu of %zu", round + 1, num_rounds));
-    summary.fusions.push_back(FuseOverlaps(options.overlap, matching, &map));
+    summary.fusions.push_back(FuseOverlaps(options.overlap, matching, &searched, &map));
     const FusionSummary& fusion = summary.fusions.back();
     report(Format("%d of %d overlapping pairs matched, %d points fused, %d observations added, %d conflicts",
                   fusion.num_matched_pairs, fusion.num_pairs, fusion.num_fused, fusion.num_added,
@@ -177,7 +179,6 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
     bundle.bundle.max_iterations = options.iterations[round];
     if (is_large) bundle.bundle.initial_trust_radius = options.large_trust_radius;
     const bool last = round + 1 == num_rounds;
-    if (last && matched) matched();
     if (last && num_keyframes <= options.max_keyframes_with_all_points) bundle.points_per_keyframe = 0;
     report(Format("bundle adjustment, round %zu of %zu", round + 1, num_rounds));
     summary.bundles.push_back(by_windows ? AdjustWindows(bundle, options.windows, report, &map)

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <set>
+#include <utility>
 
 #include "libs/geometry/sim3_closed_form.h"
 #include "libs/mapping/guided_projection.h"
@@ -30,7 +31,7 @@ std::vector<Eigen::Vector3d> SamplePoints(const MergedMap& map, int keyframe, in
   return samples;
 }
 
-std::vector<PointAppearance> DescribeKeyframe(const MergedMap& map, int keyframe) {
+std::vector<PointAppearance> DescribeKeyframe(const MergedMap& map, int keyframe, const SearchedKeyframe& searched) {
   const MergedKeyframe& k = map.keyframes[keyframe];
   std::vector<PointAppearance> appearances;
   for (int i = 0; i < k.keyframe->features.Size(); ++i) {
@@ -39,17 +40,18 @@ std::vector<PointAppearance> DescribeKeyframe(const MergedMap& map, int keyframe
     const Keypoint& keypoint = k.keyframe->features.keypoints[i];
     const double depth = (k.cam_from_root * map.points[p].position).z();
     if (!(depth > 0)) continue;
-    appearances.push_back({MapPointId(p), map.points[p].position, k.keyframe->features.descriptors[i], keypoint.octave,
+    appearances.push_back({MapPointId(p), map.points[p].position, (*searched.descriptors)[i], keypoint.octave,
                            keypoint.angle,
                            map.PyramidOf(keyframe).Scale(keypoint.octave) * depth / map.CameraOf(keyframe).fx, 0});
   }
   return appearances;
 }
 
-void MatchOneWay(const MergedMap& map, const FeatureGrid& grid, int source, int target,
-                 const OverlapMatchingOptions& options, std::vector<OverlapMatch>* out) {
+void MatchOneWay(const MergedMap& map, int source, const SearchedKeyframe& searched_source, int target,
+                 const SearchedKeyframe& searched_target, const OverlapMatchingOptions& options,
+                 std::vector<OverlapMatch>* out) {
   const MergedKeyframe &s = map.keyframes[source], &t = map.keyframes[target];
-  std::vector<PointAppearance> appearances = DescribeKeyframe(map, source);
+  std::vector<PointAppearance> appearances = DescribeKeyframe(map, source, searched_source);
   std::erase_if(appearances, [&](const PointAppearance& a) {
     const std::vector<TrackElement>& track = map.points[a.id.value].track;
     const auto at = std::lower_bound(track.begin(), track.end(), TrackElement{target, -1});
@@ -60,14 +62,14 @@ void MatchOneWay(const MergedMap& map, const FeatureGrid& grid, int source, int 
   search.max_distance = options.max_distance;
   search.ratio = options.ratio;
   search.octave_tolerance = options.octave_tolerance;
-  const Features& features = t.keyframe->features;
+  const std::vector<Keypoint>& keypoints = t.keyframe->features.keypoints;
   const ProjectionMatches found =
       FindByProjection(appearances, {s.cam_from_root.rotation}, Similarity3(t.cam_from_root), map.CameraOf(target),
-                       map.PyramidOf(target), features, grid, search);
+                       map.PyramidOf(target), keypoints, *searched_target.descriptors, searched_target.grid, search);
   if (static_cast<int>(found.matches.size()) < options.min_matches) return;
   std::vector<PoseObservation> observations;
   for (const ProjectionMatch& m : found.matches) {
-    const Keypoint& keypoint = features.keypoints[m.feature];
+    const Keypoint& keypoint = keypoints[m.feature];
     observations.push_back({appearances[m.appearance].position, keypoint.pixel.cast<double>(),
                             map.PyramidOf(target).Sigma(keypoint.octave)});
   }
@@ -85,13 +87,17 @@ void MatchOneWay(const MergedMap& map, const FeatureGrid& grid, int source, int 
   }
 }
 
-std::vector<FeatureGrid> MakeGrids(const MergedMap& map) {
-  std::vector<FeatureGrid> grids;
-  for (size_t k = 0; k < map.keyframes.size(); ++k) {
-    const Pinhole& camera = map.CameraOf(static_cast<int>(k));
-    grids.emplace_back(map.keyframes[k].keyframe->features.keypoints, camera.width, camera.height);
+// How often each was voted for, most votes first; ties: the lesser. Sorted lists take a tenth of the memory of maps.
+template <typename Key>
+std::vector<std::pair<int, Key>> CountVotes(std::vector<Key> votes) {
+  std::sort(votes.begin(), votes.end());
+  std::vector<std::pair<int, Key>> counted;
+  for (size_t begin = 0, end = 0; begin < votes.size(); begin = end) {
+    while (end < votes.size() && votes[end] == votes[begin]) ++end;
+    counted.emplace_back(static_cast<int>(end - begin), votes[begin]);
   }
-  return grids;
+  std::stable_sort(counted.begin(), counted.end(), [](const auto& l, const auto& r) { return l.first > r.first; });
+  return counted;
 }
 
 }  // namespace
@@ -145,21 +151,22 @@ std::vector<OverlappingPair> FindOverlappingPairs(const MergedMap& map, const Ov
   return pairs;
 }
 
-std::vector<OverlapMatch> MatchOverlappingPair(const MergedMap& map, const std::vector<FeatureGrid>& grids, int a,
-                                               int b, const OverlapMatchingOptions& options) {
+std::vector<OverlapMatch> MatchOverlappingPair(const MergedMap& map, int a, int b,
+                                               const OverlapMatchingOptions& options, SearchedKeyframes* searched) {
+  const auto searched_a = searched->Get(a), searched_b = searched->Get(b);
   std::vector<OverlapMatch> matches;
-  MatchOneWay(map, grids[b], a, b, options, &matches);
-  MatchOneWay(map, grids[a], b, a, options, &matches);
+  MatchOneWay(map, a, *searched_a, b, *searched_b, options, &matches);
+  MatchOneWay(map, b, *searched_b, a, *searched_a, options, &matches);
   return matches;
 }
 
 std::vector<OverlapRelation> MeasureOverlaps(const MergedMap& map, const OverlapOptions& overlap,
-                                             const OverlapMatchingOptions& matching, int min_points) {
-  const std::vector<FeatureGrid> grids = MakeGrids(map);
+                                             const OverlapMatchingOptions& matching, int min_points,
+                                             SearchedKeyframes* searched) {
   std::vector<OverlapRelation> relations;
   for (const OverlappingPair& pair : FindOverlappingPairs(map, overlap)) {
     std::set<std::pair<int, int>> same;  // points that the one keyframe sees, and the other
-    for (const OverlapMatch& m : MatchOverlappingPair(map, grids, pair.a, pair.b, matching)) {
+    for (const OverlapMatch& m : MatchOverlappingPair(map, pair.a, pair.b, matching, searched)) {
       const int other = map.point_of_feature[m.element.keyframe][m.element.feature];
       if (other < 0 || other == m.point) continue;
       same.insert(m.element.keyframe == pair.b ? std::pair(m.point, other) : std::pair(other, m.point));
@@ -172,41 +179,37 @@ std::vector<OverlapRelation> MeasureOverlaps(const MergedMap& map, const Overlap
     }
     if (const auto fit = HornAlignment(from, to)) relations.push_back({pair.a, pair.b, *fit});
   }
+  searched->Close();
   return relations;
 }
 
-FusionSummary FuseOverlaps(const OverlapOptions& overlap, const OverlapMatchingOptions& matching, MergedMap* map) {
+FusionSummary FuseOverlaps(const OverlapOptions& overlap, const OverlapMatchingOptions& matching,
+                           SearchedKeyframes* searched, MergedMap* map) {
   FusionSummary summary;
-  const std::vector<FeatureGrid> grids = MakeGrids(*map);
   // Votes for the identity of two points, and for a new observation of one.
-  std::map<std::pair<int, int>, int> same;
-  std::map<std::pair<int, TrackElement>, int> seen;
+  std::vector<std::pair<int, int>> same;
+  std::vector<std::pair<int, TrackElement>> seen;
   for (const OverlappingPair& pair : FindOverlappingPairs(*map, overlap)) {
     ++summary.num_pairs;
-    const std::vector<OverlapMatch> matches = MatchOverlappingPair(*map, grids, pair.a, pair.b, matching);
+    const std::vector<OverlapMatch> matches = MatchOverlappingPair(*map, pair.a, pair.b, matching, searched);
     summary.num_matched_pairs += !matches.empty();
     for (const OverlapMatch& m : matches) {
       const int other = map->point_of_feature[m.element.keyframe][m.element.feature];
       if (other == m.point) continue;
       if (other >= 0)
-        ++same[std::minmax(m.point, other)];
+        same.emplace_back(std::minmax(m.point, other));
       else
-        ++seen[{m.point, m.element}];
+        seen.emplace_back(m.point, m.element);
     }
   }
-  const auto by_votes = [](const auto& votes) {
-    std::vector<std::pair<int, typename std::decay_t<decltype(votes)>::key_type>> ordered;
-    for (const auto& [key, count] : votes) ordered.push_back({count, key});
-    std::stable_sort(ordered.begin(), ordered.end(), [](const auto& l, const auto& r) { return l.first > r.first; });
-    return ordered;
-  };
+  searched->Close();
   std::vector<int> now(map->points.size());  // where a point has gone
   for (size_t i = 0; i < now.size(); ++i) now[i] = static_cast<int>(i);
   const auto find = [&](int p) {
     while (now[p] != p) p = now[p] = now[now[p]];
     return p;
   };
-  for (const auto& [count, pair] : by_votes(same)) {
+  for (const auto& [count, pair] : CountVotes(std::move(same))) {
     const int a = find(pair.first), b = find(pair.second);
     if (a == b) continue;
     const int into = std::min(a, b), from = std::max(a, b);
@@ -217,7 +220,7 @@ FusionSummary FuseOverlaps(const OverlapOptions& overlap, const OverlapMatchingO
       ++summary.num_conflicts;
     }
   }
-  for (const auto& [count, key] : by_votes(seen)) {
+  for (const auto& [count, key] : CountVotes(std::move(seen))) {
     if (AddToTrack(find(key.first), key.second, map))
       ++summary.num_added;
     else

@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "libs/features/matching.h"
 #include "libs/mapping/merged_map.h"
+#include "libs/mapping/searched_keyframes.h"
 
 namespace mapmend {
 
@@ -45,8 +45,8 @@ struct OverlapMatch {
 // Projects the points of each of the two keyframes into the other. Matches of a direction count only if enough of them
 // agree on one pose of the target camera relative to the source's points, which tolerates the misalignment still in the
 // map.
-std::vector<OverlapMatch> MatchOverlappingPair(const MergedMap& map, const std::vector<FeatureGrid>& grids, int a,
-                                               int b, const OverlapMatchingOptions& options);
+std::vector<OverlapMatch> MatchOverlappingPair(const MergedMap& map, int a, int b,
+                                               const OverlapMatchingOptions& options, SearchedKeyframes* searched);
 
 // What matches between two keyframes say about how the map is bent: to_from_from moves the ground about keyframe `from`
 // onto the same ground about keyframe `to`, both in the root frame.
@@ -58,7 +58,8 @@ struct OverlapRelation {
 // Of all overlapping pairs in which at least min_points map points of the one are recognised as map points of the
 // other.
 std::vector<OverlapRelation> MeasureOverlaps(const MergedMap& map, const OverlapOptions& overlap,
-                                             const OverlapMatchingOptions& matching, int min_points);
+                                             const OverlapMatchingOptions& matching, int min_points,
+                                             SearchedKeyframes* searched);
 
 struct FusionSummary {
   int num_pairs = 0, num_matched_pairs = 0;
@@ -68,6 +69,7 @@ struct FusionSummary {
 };
 
 // All of it: pairs, matches, then fusion, most often confirmed identities first.
-FusionSummary FuseOverlaps(const OverlapOptions& overlap, const OverlapMatchingOptions& matching, MergedMap* map);
+FusionSummary FuseOverlaps(const OverlapOptions& overlap, const OverlapMatchingOptions& matching,
+                           SearchedKeyframes* searched, MergedMap* map);
 
 }  // namespace mapmend

@@ -19,29 +19,31 @@ BackgroundRefinement::~BackgroundRefinement() {
   if (thread_.joinable()) thread_.join();
 }
 
-void BackgroundRefinement::Start(RefinementTask task) {
+void BackgroundRefinement::Start(RefinementTask task, Open open) {
   give_up_ = false;
   done_ = false;
   outcome_.reset();
   error_ = nullptr;
-  thread_ = std::thread([this, task = std::move(task)]() mutable { Run(std::move(task)); });
+  thread_ = std::thread([this, task = std::move(task), open = std::move(open)] { Run(task, open); });
 }
 
-void BackgroundRefinement::Run(RefinementTask task) {
+void BackgroundRefinement::Run(const RefinementTask& task, const Open& open) {
   // On Linux a priority set by thread id is that thread's alone, and the threads it starts inherit it.
   constexpr int kNice = 10;
   if (!task.is_final) setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), kNice);
   std::optional<RefinementOutcome> outcome;
   std::exception_ptr error;
   try {
-    outcome = RunRefinement(std::move(task), [this](const std::string& what) {
-      if (give_up_) throw GivenUp();
-      const std::lock_guard<std::mutex> lock(mutex_);
-      progress_.push_back(what);
-    });
-  } catch (const GivenUp&) {
+    outcome = RunRefinement(
+        task,
+        [this](const std::string& what) {
+          if (give_up_) throw GivenUp();
+          const std::lock_guard<std::mutex> lock(mutex_);
+          progress_.push_back(what);
+        },
+        [&] { return open([this] { return give_up_.load(); }); });
   } catch (...) {
-    error = std::current_exception();
+    if (!give_up_) error = std::current_exception();
   }
   const std::lock_guard<std::mutex> lock(mutex_);
   outcome_ = std::move(outcome);

@@ -2,6 +2,8 @@
 
 #include <atomic>
 #include <exception>
+#include <functional>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -21,8 +23,11 @@ class BackgroundRefinement {
   BackgroundRefinement& operator=(const BackgroundRefinement&) = delete;
 
   bool IsRunning() const { return thread_.joinable(); }
+  // Opens a connection to where keyframes are read from. Called in the thread of the refinement; reading gives up by an
+  // exception when give_up says so.
+  using Open = std::function<std::unique_ptr<KeyframeSource>(const std::function<bool()>& give_up)>;
   // Must not be running.
-  void Start(RefinementTask task);
+  void Start(RefinementTask task, Open open);
   // The result, once. nullopt: not there yet, or abandoned. Throws what the refinement threw.
   std::optional<RefinementOutcome> Poll();
   // Gives up what runs, at its next stage: Poll will have no result of it, and IsRunning ends with a later Poll.
@@ -31,7 +36,7 @@ class BackgroundRefinement {
   std::vector<std::string> TakeProgress();
 
  private:
-  void Run(RefinementTask task);
+  void Run(const RefinementTask& task, const Open& open);
 
   std::thread thread_;
   std::atomic<bool> give_up_ = false;

@@ -42,16 +42,15 @@ void KeyframeCache::Load(const SubmapKey& submap, const std::vector<const Submap
   }
 }
 
-void KeyframeCache::Complete(const std::string& session, SubmapKeyframe* copy) const {
-  if (IsComplete(*copy)) return;
-  KeyframeRecord record = source_->Read(session, copy->seq);
+void KeyframeCache::Complete(const std::string& session, SubmapKeyframe* keyframe) {
+  KeyframeRecord record = source_->Read(session, keyframe->seq);
   ++num_reads_;
-  if (record.keyframe != copy->id || record.features.descriptors.size() != copy->features.keypoints.size()) {
-    throw std::runtime_error("the store has another keyframe under record " + std::to_string(copy->seq) +
+  if (record.keyframe != keyframe->id || record.features.descriptors.size() != keyframe->features.keypoints.size()) {
+    throw std::runtime_error("the store has another keyframe under record " + std::to_string(keyframe->seq) +
                              " of session " + session);
   }
-  copy->features.descriptors = std::move(record.features.descriptors);
-  copy->nodes = std::move(record.nodes);
+  keyframe->features.descriptors = std::move(record.features.descriptors);
+  keyframe->nodes = std::move(record.nodes);
 }
 
 void KeyframeCache::Touch(const Key& key) {

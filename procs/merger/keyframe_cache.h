@@ -32,8 +32,6 @@ class KeyframeCache {
   // Makes these keyframes of a submap complete. At most `capacity` at a time; they stay so until as many others were
   // loaded.
   void Load(const SubmapKey& submap, const std::vector<const SubmapKeyframe*>& keyframes);
-  // Makes a copy complete without keeping anything.
-  void Complete(const std::string& session, SubmapKeyframe* copy) const;
 
   int num_loaded() const { return static_cast<int>(order_.size()); }
   int64_t num_reads() const { return num_reads_; }
@@ -41,6 +39,7 @@ class KeyframeCache {
  private:
   using Key = std::tuple<SubmapKey, KeyframeId>;
   static bool IsComplete(const SubmapKeyframe& keyframe);
+  void Complete(const std::string& session, SubmapKeyframe* keyframe);
   void Touch(const Key& key);
   SubmapKeyframe* Find(const Key& key);
 
@@ -49,7 +48,7 @@ class KeyframeCache {
   std::map<std::string, Session>* sessions_;
   std::list<Key> order_;  // used last first
   std::map<Key, std::list<Key>::iterator> position_;
-  mutable int64_t num_reads_ = 0;
+  int64_t num_reads_ = 0;
 };
 
 }  // namespace mapmend

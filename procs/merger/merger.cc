@@ -34,6 +34,8 @@ MergerOptions::MergerOptions() {
   live_refinement.radii = {16, 8};
   live_refinement.iterations = {5, 8};
   live_refinement.max_keyframes_with_all_points = 0;
+  live_refinement.max_keyframes_at_once = 600;
+  live_refinement.windows.max_windows = 4;
 }
 
 std::string MergerOptions::Check() const {
@@ -54,6 +56,7 @@ Merger::Merger(const MergerOptions& options, BowSource* bow, MergerOutput* outpu
     : options_(options),
       bow_(bow),
       output_(output),
+      keyframes_(keyframes),
       cache_(keyframes ? options.max_cached_keyframes : std::numeric_limits<int>::max(), keyframes, &sessions_) {}
 
 SubmapView Merger::View(const SubmapKey& key) const {

@@ -71,7 +71,6 @@ struct MergerOptions {
   int max_evidence = 200;                   // per connection: more adds cost and no knowledge
   int max_evaluated_again = 30;  // keyframes of an ended submap without a connection that are asked once more
   double live_growth = 1.5;      // refined anew when so many times the keyframes are joined, or the tree is another one
-  int max_live_keyframes = 600;  // larger maps are refined at the end only
   int max_cached_keyframes = 500;  // held complete; of the others the bulk is read again when needed (keyframe_cache.h)
 
   std::string Check() const;
@@ -106,7 +105,7 @@ class Merger {
   // Whether the merged map would gain by a refinement: the final one after Complete; before it, when the tree of a
   // joined map has changed or the map has grown.
   bool RefinementIsDue() const;
-  // The refinement that is due, to be run anywhere. Reads what the cache does not hold.
+  // The refinement that is due, to be run anywhere while the merger lives.
   RefinementTask MakeRefinement();
   // Takes in its result and announces the revision. False if the map has changed too much meanwhile: another one is due
   // then.
@@ -158,8 +157,8 @@ class Merger {
   bool EvaluateLoop(const SubmapKey& submap, KeyframeId keyframe_a, KeyframeId keyframe_b);
   void EvaluatePending(const std::string& session, std::set<PairKey>* evaluated);
   // Keyframes of an ended submap that found no connection are asked once more about the others that have ended (those
-  // that grow ask themselves), one with each keyframe that comes: all at once they would hold up those behind them. What it
-  // finds is told with the next keyframe.
+  // that grow ask themselves), one with each keyframe that comes: all at once they would hold up those behind them.
+  // What it finds is told with the next keyframe.
   void AskAgainLater(const SubmapKey& submap);
   void EvaluateAgain(std::set<PairKey>* evaluated);
   // Estimates what changed, runs Kruskal with the cycle check, announces connections and transforms.
@@ -172,6 +171,7 @@ class Merger {
   MergerOptions options_;
   BowSource* bow_;
   MergerOutput* output_;
+  KeyframeSource* keyframes_;
   std::map<std::string, Session> sessions_;
   KeyframeCache cache_;
   int64_t num_records_ = 0;

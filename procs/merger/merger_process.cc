@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <functional>
 #include <mapmend/bow_query_t.hpp>
 #include <mapmend/bow_result_t.hpp>
 #include <mapmend/edge_decisions_t.hpp>
@@ -12,6 +13,7 @@
 #include <mapmend/fetched_t.hpp>
 #include <mapmend/graph_request_t.hpp>
 #include <mapmend/graph_t.hpp>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -73,15 +75,17 @@ class StoreBowSource : public BowSource {
 
 class StoreKeyframeSource : public KeyframeSource {
  public:
-  explicit StoreKeyframeSource(StoreClient* client) : client_(client) {}
+  StoreKeyframeSource(StoreClient* client, std::function<bool()> give_up)
+      : client_(client), give_up_(std::move(give_up)) {}
 
   KeyframeRecord Read(const std::string& session, int64_t seq) override {
     fetch_t request{};
     request.session = session;
     request.first_seq = request.last_seq = seq;
     request.max_bytes = 1;  // at least one record is sent
-    for (;;) {
-      const std::optional<fetched_t> reply = client_->Fetch(request);
+    while (!give_up_()) {
+      constexpr int kTimeoutMs = 2000;
+      const std::optional<fetched_t> reply = client_->Fetch(request, kTimeoutMs);
       if (reply && reply->status == fetched_t::OK && reply->num_records == 1 && reply->seq[0] == seq) {
         DecodedRecord decoded = DecodeRecord(reply->channel[0], reply->data.data(), reply->size[0]);
         if (auto* keyframe = decoded.record ? std::get_if<KeyframeRecord>(&decoded.record->body) : nullptr) {
@@ -90,13 +94,30 @@ class StoreKeyframeSource : public KeyframeSource {
         throw std::runtime_error("the store has no keyframe under record " + std::to_string(seq) + " of session " +
                                  session);
       }
-      if (StopRequested()) throw std::runtime_error("stopped while waiting for the store");
       spdlog::warn("merger: the store does not answer, trying again");
     }
+    throw std::runtime_error("stopped while waiting for the store");
   }
 
  private:
   StoreClient* client_;
+  const std::function<bool()> give_up_;
+};
+
+// For another thread: with a connection of its own.
+class ConnectedKeyframeSource : public KeyframeSource {
+ public:
+  ConnectedKeyframeSource(const MergerProcessOptions& options, std::function<bool()> give_up)
+      : bus_(ResolveLcmUrl(options.process.lcm_url), options.process.channel_prefix),
+        client_(&bus_, "refinement-" + std::to_string(getpid())),
+        source_(&client_, std::move(give_up)) {}
+
+  KeyframeRecord Read(const std::string& session, int64_t seq) override { return source_.Read(session, seq); }
+
+ private:
+  Bus bus_;
+  StoreClient client_;
+  StoreKeyframeSource source_;
 };
 
 class BusOutput : public MergerOutput {
@@ -164,7 +185,7 @@ class MergerLoop {
         health_(bus, "merger"),
         client_(bus, "merger-" + std::to_string(getpid())),
         bow_(&client_),
-        keyframes_(&client_),
+        keyframes_(&client_, StopRequested),
         output_(bus, &client_, &health_, &latency_),
         merger_(merger_options, &bow_, &output_, &keyframes_),
         consumer_(bus, &client_, [this](const Record& record) { OnRecord(record); }) {
@@ -274,7 +295,9 @@ class MergerLoop {
     constexpr int kMaxBehind = 8;
     if (!refinement_.IsRunning() && merger_.RefinementIsDue() && consumer_.QueueDepth() <= kMaxBehind) {
       if (completed_at_ == NumDelivered()) health_.SetState("busy", "refining the merged map");
-      refinement_.Start(merger_.MakeRefinement());
+      refinement_.Start(merger_.MakeRefinement(), [this](const std::function<bool()>& give_up) {
+        return std::make_unique<ConnectedKeyframeSource>(options_, give_up);
+      });
     }
   }
 

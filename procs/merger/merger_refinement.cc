@@ -1,3 +1,4 @@
+#include <memory>
 #include <set>
 #include <vector>
 
@@ -5,6 +6,26 @@
 
 // The part of the merger that decides when the merged map is refined, and takes the result in.
 namespace mapmend {
+namespace {
+
+// A submap that grows, as it is now. `searchable`: with the descriptors too.
+std::shared_ptr<const Submap> Copy(const Submap& submap, bool searchable) {
+  auto copy = std::make_shared<Submap>();
+  copy->id = submap.id;
+  copy->points = submap.points;
+  for (const auto& [id, keyframe] : submap.keyframes) {
+    SubmapKeyframe& k = copy->keyframes[id];
+    k.id = id;
+    k.seq = keyframe.seq;
+    k.cam_from_submap = keyframe.cam_from_submap;
+    k.features.keypoints = keyframe.features.keypoints;
+    k.map_points = keyframe.map_points;
+    if (searchable) k.features.descriptors = keyframe.features.descriptors;
+  }
+  return copy;
+}
+
+}  // namespace
 
 std::set<Merger::PairKey> Merger::TreePairs() const {
   std::set<PairKey> pairs;
@@ -26,7 +47,7 @@ bool Merger::RefinementIsDue() const {
   if (complete_) return !transforms_.is_final || transforms_.revision < 2 * (num_records_ + num_decisions_) + 1;
   if (sessions_.empty() || AllEnded()) return false;
   const int num_keyframes = NumJoinedKeyframes();
-  if (num_keyframes == 0 || num_keyframes > options_.max_live_keyframes) return false;
+  if (num_keyframes == 0) return false;
   return TreePairs() != live_task_.tree || num_keyframes >= options_.live_growth * live_task_.num_keyframes;
 }
 
@@ -41,11 +62,10 @@ RefinementTask Merger::MakeRefinement() {
   for (const MergedTransforms::Place& place : task.transforms.submaps) {
     index[place.key] = static_cast<int>(task.parts.size());
     const SubmapView view = View(place.key);
-    task.parts.push_back({*view.submap, view.camera, view.pyramid});
-    for (auto& [id, keyframe] : task.parts.back().submap.keyframes) {
-      cache_.Complete(place.key.session, &keyframe);
-      std::vector<int32_t>().swap(keyframe.nodes);  // it matches by place
-    }
+    // An ended submap stays where it is and as it is.
+    const auto submap = view.submap->ended ? std::shared_ptr<const Submap>(std::shared_ptr<void>(), view.submap)
+                                           : Copy(*view.submap, keyframes_ == nullptr);
+    task.parts.push_back({submap, view.camera, view.pyramid});
   }
   for (const auto& [pair, connection] : connections_) {
     if (connection.verdict != Connection::Verdict::kAccepted) continue;
@@ -97,8 +117,17 @@ bool Merger::TakeRefinement(const RefinementOutcome& outcome) {
 }
 
 void Merger::Finalize() {
+  // The source is not ours: what is opened is a view of it.
+  struct Borrowed : KeyframeSource {
+    explicit Borrowed(KeyframeSource* from) : source(from) {}
+    KeyframeRecord Read(const std::string& session, int64_t seq) override { return source->Read(session, seq); }
+    KeyframeSource* source;
+  };
+  OpenKeyframeSource open;
+  if (keyframes_) open = [this] { return std::make_unique<Borrowed>(keyframes_); };
   Complete();
-  TakeRefinement(RunRefinement(MakeRefinement(), [&](const std::string& what) { output_->OnProgress(what); }));
+  TakeRefinement(
+      RunRefinement(MakeRefinement(), [&](const std::string& what) { output_->OnProgress(what); }, open));
 }
 
 }  // namespace mapmend

@@ -1,10 +1,30 @@
 #include "procs/merger/refinement_task.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace mapmend {
+namespace {
 
-RefinementOutcome RunRefinement(RefinementTask task, const std::function<void(const std::string&)>& progress) {
+// Of the submaps of one component.
+class StoredDescriptors : public DescriptorSource {
+ public:
+  StoredDescriptors(std::unique_ptr<KeyframeSource> source, const std::vector<std::string>* session_of_submap)
+      : source_(std::move(source)), session_of_submap_(session_of_submap) {}
+
+  std::vector<Descriptor> Read(int submap, const SubmapKeyframe& keyframe) override {
+    return source_->Read((*session_of_submap_)[submap], keyframe.seq).features.descriptors;
+  }
+
+ private:
+  std::unique_ptr<KeyframeSource> source_;
+  const std::vector<std::string>* session_of_submap_;
+};
+
+}  // namespace
+
+RefinementOutcome RunRefinement(const RefinementTask& task, const std::function<void(const std::string&)>& progress,
+                                const OpenKeyframeSource& open) {
   RefinementOutcome outcome;
   outcome.transforms = task.transforms;
   outcome.state = task.state;
@@ -15,6 +35,7 @@ RefinementOutcome RunRefinement(RefinementTask task, const std::function<void(co
   }
   for (int component = 0; component < num_components; ++component) {
     std::vector<int> members, local(task.parts.size(), -1);  // members: indices into task.parts, oldest first
+    std::vector<std::string> sessions;
     std::vector<SubmapView> views;
     std::vector<Similarity3> root_from_submap;
     for (size_t i = 0; i < task.parts.size(); ++i) {
@@ -22,7 +43,8 @@ RefinementOutcome RunRefinement(RefinementTask task, const std::function<void(co
       if (place.component != component) continue;
       local[i] = static_cast<int>(members.size());
       members.push_back(static_cast<int>(i));
-      views.push_back({&task.parts[i].submap, task.parts[i].camera, task.parts[i].pyramid});
+      sessions.push_back(place.key.session);
+      views.push_back({task.parts[i].submap.get(), task.parts[i].camera, task.parts[i].pyramid});
       root_from_submap.push_back(place.root_from_submap);
     }
     std::vector<RefinementLink> links;
@@ -30,14 +52,10 @@ RefinementOutcome RunRefinement(RefinementTask task, const std::function<void(co
       const int a = local[link.submap_a], b = local[link.submap_b];
       if (a >= 0 && b >= 0) links.push_back({a, b, link.keyframe_a, link.keyframe_b, link.b_from_a, link.robust});
     }
-    const auto free_descriptors = [&] {
-      for (const int i : members) {
-        for (auto& [id, keyframe] : task.parts[i].submap.keyframes)
-          std::vector<Descriptor>().swap(keyframe.features.descriptors);
-      }
-    };
+    OpenDescriptorSource open_descriptors;
+    if (open) open_descriptors = [&] { return std::make_unique<StoredDescriptors>(open(), &sessions); };
     const MergedRefinementResult result =
-        RefineMergedMap(views, root_from_submap, links, task.options, progress, free_descriptors);
+        RefineMergedMap(views, root_from_submap, links, task.options, progress, open_descriptors);
     if (progress) progress("refinement: " + result.summary.reason);
 
     std::vector<RefinedSubmap> refined(members.size());

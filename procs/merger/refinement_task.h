@@ -1,19 +1,23 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "libs/mapping/merged_refinement.h"
+#include "procs/merger/keyframe_cache.h"
 #include "procs/merger/merged_revision.h"
 
 namespace mapmend {
 
-// All that one refinement of the merged map needs, copied: it can run in any thread while the merger goes on. A pure
-// function.
+// All that one refinement of the merged map needs: it can run in any thread while the merger goes on, but not longer
+// than the merger lives. Submaps that have ended are the merger's own, which do not change any more; those that grow
+// are copied. Of neither are descriptors and vocabulary nodes looked at, which come and go (keyframe_cache.h): the
+// descriptors are read from the store, those of a bounded number of keyframes at a time. A pure function.
 struct RefinementTask {
   struct Part {
-    Submap submap;
+    std::shared_ptr<const Submap> submap;
     Pinhole camera;
     Pyramid pyramid;
   };
@@ -38,8 +42,12 @@ struct RefinementOutcome {
   bool is_final = false;
 };
 
-// Refines each component by itself, and frees of the task what it has done with: a component's descriptors once its
-// points are matched. progress is called now and then, in the caller's thread.
-RefinementOutcome RunRefinement(RefinementTask task, const std::function<void(const std::string&)>& progress);
+// Opens a connection to where keyframes are read from.
+using OpenKeyframeSource = std::function<std::unique_ptr<KeyframeSource>()>;
+
+// Refines each component by itself. progress is called now and then, in the caller's thread. open: null if the submaps
+// hold their descriptors.
+RefinementOutcome RunRefinement(const RefinementTask& task, const std::function<void(const std::string&)>& progress,
+                                const OpenKeyframeSource& open = {});
 
 }  // namespace mapmend

@@ -140,7 +140,8 @@ TEST(SeamWindows, HoldTheKeyframesThatSeeFusedPointsEachOnce) {
   const auto survey = MakeDriftingSurvey();
   MergedMap map = MakeMergedMap(survey->views, survey->tree);
   EXPECT_TRUE(ChooseSeamWindows(map, {}).empty());  // nothing is fused yet
-  FuseOverlaps({}, {16}, &map);
+  SearchedKeyframes searched(map);
+  FuseOverlaps({}, {16}, &searched, &map);
   std::set<int> at_seam;
   for (const MergedPoint& p : map.points) {
     for (const TrackElement& e : p.track) {
