@@ -1,6 +1,4 @@
-// What the refinement of a merged map costs as the map grows: a survey of strips at 100 m (750 m long, 60 m apart, an
-// image every 30 m: 69 % forward and 53 % side overlap), some 800 features an image, a submap for every two strips,
-// drift within submaps.
+// What the refinement of a merged map costs as the map grows (synthetic_survey.h).
 //
 // memory_mb is what the refinement takes at its peak beyond the submaps it is given.
 //
@@ -16,24 +14,17 @@
 
 #include "libs/geometry/sim3_closed_form.h"
 #include "libs/mapping/merged_refinement.h"
-#include "tests/unit/merger/synthetic_flight.h"
+#include "tests/benchmark/synthetic_survey.h"
 
 namespace mapmend {
 namespace {
 
-using testing::FlightOptions;
-using testing::MakeTerrain;
-using testing::Strip;
-using testing::SyntheticFlight;
-using testing::TerrainOptions;
-using testing::TerrainPoint;
+using testing::SyntheticSurvey;
 
-constexpr int kPerStrip = 25;
-constexpr double kAlong = 30, kAcross = 60, kMargin = 100;
+constexpr int kPerStrip = SyntheticSurvey::kPerStrip;
 
 struct Survey {
-  std::vector<TerrainPoint> terrain;
-  std::unique_ptr<SyntheticFlight> flight;
+  std::unique_ptr<SyntheticSurvey> made;
   Session session;
   std::vector<SubmapView> views;
   std::vector<RefinementLink> links;
@@ -42,30 +33,8 @@ struct Survey {
 
 std::unique_ptr<Survey> MakeSurvey(int num_keyframes) {
   auto survey = std::make_unique<Survey>();
-  const int num_strips = num_keyframes / kPerStrip;
-  TerrainOptions terrain;
-  terrain.width = 2 * kMargin + kAlong * kPerStrip;
-  terrain.height = 2 * kMargin + kAcross * num_strips;
-  terrain.num_points = static_cast<int>(0.08 * terrain.width * terrain.height);
-  survey->terrain = MakeTerrain(terrain);
-  FlightOptions options;
-  options.scale_drift = 0.0005;
-  options.angle_drift_deg = 0.03;
-  survey->flight = std::make_unique<SyntheticFlight>("survey", 0, survey->terrain, options);
-  std::mt19937_64 random(5);
-  std::vector<Rigid3> poses;
-  for (int s = 0; s < num_strips; ++s) {
-    const double y = kMargin + kAcross * s, near = kMargin, far = kMargin + kAlong * (kPerStrip - 1);
-    const auto strip = s % 2 ? Strip({far, y}, {near, y}, 100, kPerStrip, 270, &random)
-                             : Strip({near, y}, {far, y}, 100, kPerStrip, 90, &random);
-    poses.insert(poses.end(), strip.begin(), strip.end());
-    if (s % 2 == 0) continue;
-    const Eigen::Quaterniond turn(Eigen::AngleAxisd(0.3 * s, Eigen::Vector3d(1, 2, -1).normalized()));
-    survey->flight->AddSubmap(poses, Similarity3(0.02 + 0.001 * s, turn, {3, -2, 7}));
-    poses.clear();
-  }
-  survey->flight->End();
-  survey->session = survey->flight->Model();
+  survey->made = testing::MakeSyntheticSurvey("survey", num_keyframes);
+  survey->session = survey->made->flight->Model();
   for (const auto& [id, submap] : survey->session.submaps) {
     survey->views.push_back({&submap, survey->session.info.pinhole, survey->session.info.pyramid});
   }
@@ -123,8 +92,8 @@ void BM_Refine(benchmark::State& state) {
   state.counters["observations"] = result.summary.after.num_observations;
   state.counters["submaps"] = static_cast<double>(survey->views.size());
   state.counters["error_before_m"] =
-      CenterError(MakeMergedMap(survey->views, survey->tree), survey->flight->world_from_keyframe());
-  state.counters["error_after_m"] = CenterError(result.map, survey->flight->world_from_keyframe());
+      CenterError(MakeMergedMap(survey->views, survey->tree), survey->made->flight->world_from_keyframe());
+  state.counters["error_after_m"] = CenterError(result.map, survey->made->flight->world_from_keyframe());
   if (!result.summary.success) state.SkipWithError(result.summary.reason.c_str());
 }
 BENCHMARK(BM_Refine)
