@@ -1,5 +1,6 @@
 #include "procs/merger/background_refinement.h"
 
+#include <malloc.h>
 #include <sys/resource.h>
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -45,6 +46,7 @@ void BackgroundRefinement::Run(const RefinementTask& task, const Open& open) {
   } catch (...) {
     if (!give_up_) error = std::current_exception();
   }
+  malloc_trim(0);  // it takes a multiple of what the merger itself needs
   const std::lock_guard<std::mutex> lock(mutex_);
   outcome_ = std::move(outcome);
   error_ = error;

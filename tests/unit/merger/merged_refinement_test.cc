@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <memory>
 #include <set>
+#include <stdexcept>
 #include <string>
 
 #include "libs/geometry/sim3_closed_form.h"
@@ -134,6 +135,48 @@ TEST(MergedRefinement, ALargeMapIsStraightenedByItsOverlapsAndAdjustedAtItsSeams
                                                      [&](const std::string& what) { told.push_back(what); });
   EXPECT_EQ(std::count(told.begin(), told.end(), "a window of 20 keyframes at the seams"), 1);
   EXPECT_LT(one.summary.bundles[0].num_observations, result.summary.bundles[0].num_observations);
+}
+
+TEST(SearchedKeyframes, AreReadAFewAtATimeAndTheSameIsFound) {
+  struct Counts {
+    int num_read = 0, num_open = 0;
+  };
+  struct Source : DescriptorSource {
+    explicit Source(Counts* c) : counts(c) { ++counts->num_open; }
+    ~Source() override { --counts->num_open; }
+    std::vector<Descriptor> Read(int, const SubmapKeyframe& keyframe) override {
+      EXPECT_EQ(counts->num_open, 1);
+      ++counts->num_read;
+      return keyframe.features.descriptors;
+    }
+    Counts* counts;
+  };
+  const auto survey = MakeDriftingSurvey();
+  MergedMap direct = MakeMergedMap(survey->views, survey->tree), read = direct;
+  SearchedKeyframes in_memory(direct);
+  const FusionSummary expected = FuseOverlaps({}, {16}, &in_memory, &direct);
+  ASSERT_GT(expected.num_fused, 100);
+  const int num_keyframes = static_cast<int>(read.keyframes.size());
+  for (const int capacity : {2, num_keyframes}) {
+    Counts counts;
+    MergedMap map = read;
+    SearchedKeyframes searched(map, [&] { return std::make_unique<Source>(&counts); }, capacity);
+    EXPECT_EQ(FuseOverlaps({}, {16}, &searched, &map).num_fused, expected.num_fused);
+    EXPECT_EQ(counts.num_open, 0);
+    if (capacity == num_keyframes) {
+      EXPECT_LE(counts.num_read, num_keyframes);
+    } else {
+      EXPECT_GT(counts.num_read, num_keyframes);
+    }
+    for (size_t i = 0; i < map.points.size(); ++i) ASSERT_EQ(map.points[i].track, direct.points[i].track);
+  }
+  SearchedKeyframes broken(read, [] {
+    struct Empty : DescriptorSource {
+      std::vector<Descriptor> Read(int, const SubmapKeyframe&) override { return {}; }
+    };
+    return std::make_unique<Empty>();
+  });
+  EXPECT_THROW(broken.Get(0), std::runtime_error);
 }
 
 TEST(SeamWindows, HoldTheKeyframesThatSeeFusedPointsEachOnce) {

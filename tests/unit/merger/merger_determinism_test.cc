@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <memory>
 #include <optional>
 
 #include "procs/merger/merger.h"
@@ -167,24 +168,30 @@ TEST(MergerDeterminism, TheMapIsTheSameHoweverFewKeyframesAreHeld) {
   const SyntheticFlight flight = ThreeCrossingStrips();
   MergerOptions options;
   options.connected_frames.max_window_size = 18;  // with the usual 6 on the other side 24 keyframes
-  Recorder all, few;
-  {
-    BruteForceBow bow(flight.records());
-    Merger merger(options, &bow, &all);
-    for (const Record& r : flight.records()) ASSERT_EQ(merger.Consume(r), "");
-    merger.Finalize();
-    EXPECT_EQ(merger.keyframe_cache().num_loaded(), 28);
-    EXPECT_EQ(merger.keyframe_cache().num_reads(), 0);
-  }
   BruteForceBow bow(flight.records());
   RecordSource source(flight.records());
+  Recorder all, few;
+  Merger holds_all(options, &bow, &all);
   options.max_cached_keyframes = 24;
   ASSERT_EQ(options.Check(), "");
   Merger merger(options, &bow, &few, &source);
+  const auto open = [&] { return std::make_unique<RecordSource>(flight.records()); };
+  int num_refined = 0;
   for (const Record& r : flight.records()) {
+    ASSERT_EQ(holds_all.Consume(r), "");
     ASSERT_EQ(merger.Consume(r), "");
     EXPECT_LE(merger.keyframe_cache().num_loaded(), 24);
+    ASSERT_EQ(merger.RefinementIsDue(), holds_all.RefinementIsDue());
+    if (!merger.RefinementIsDue()) continue;
+    ASSERT_EQ(merger.TakeRefinement(RunRefinement(merger.MakeRefinement(), {}, open)),
+              holds_all.TakeRefinement(RunRefinement(holds_all.MakeRefinement(), {})));
+    EXPECT_EQ(Digest(few), Digest(all));
+    ++num_refined;
   }
+  EXPECT_GE(num_refined, 2);
+  holds_all.Finalize();
+  EXPECT_EQ(holds_all.keyframe_cache().num_loaded(), 28);
+  EXPECT_EQ(holds_all.keyframe_cache().num_reads(), 0);
   merger.Finalize();
   EXPECT_GT(merger.keyframe_cache().num_reads(), 4);
   int complete = 0;
