@@ -1,6 +1,8 @@
 #include "libs/mapping/submap.h"
 
 #include <algorithm>
+#include <iterator>
+#include <set>
 #include <unordered_set>
 
 namespace mapmend {
@@ -44,6 +46,11 @@ std::string CheckUpdate(const Submap& submap, const MapUpdate& update) {
       return "map update: observation of unknown map point " + std::to_string(o.point.value);
     }
   }
+  std::set<KeyframeId> removed;
+  for (const KeyframeId id : update.removed_keyframes) {
+    if (has_keyframe(id)) removed.insert(id);
+  }
+  if (!removed.empty() && removed.size() == submap.keyframes.size()) return "map update: removes the last keyframe";
   for (const TrackedFrame& f : update.frames) {
     if (!has_keyframe(f.keyframe) && !submap.removed_keyframes.contains(f.keyframe)) {
       return "map update: frame refers to unknown keyframe " + std::to_string(f.keyframe.value);
@@ -51,6 +58,21 @@ std::string CheckUpdate(const Submap& submap, const MapUpdate& update) {
     if (!IsFinite(f.cam_from_keyframe)) return "map update: frame pose is not finite";
   }
   return "";
+}
+
+// Of the other keyframes the one that shares most map points (ties: the older); without any the one before, or behind.
+const SubmapKeyframe& Successor(const Submap& submap, std::map<KeyframeId, SubmapKeyframe>::const_iterator keyframe) {
+  std::map<KeyframeId, int> shared;
+  for (const MapPointId point : keyframe->second.map_points) {
+    if (!point.IsValid()) continue;
+    for (const SubmapObservation& o : submap.points.at(point).observations) {
+      if (o.keyframe != keyframe->first) ++shared[o.keyframe];
+    }
+  }
+  const auto best = std::max_element(shared.begin(), shared.end(),
+                                     [](const auto& l, const auto& r) { return l.second < r.second; });
+  if (best != shared.end()) return submap.keyframes.at(best->first);
+  return keyframe != submap.keyframes.begin() ? std::prev(keyframe)->second : std::next(keyframe)->second;
 }
 
 void ApplyUpdate(Submap* submap, const MapUpdate& update) {
@@ -69,10 +91,11 @@ void ApplyUpdate(Submap* submap, const MapUpdate& update) {
   for (const KeyframeId id : update.removed_keyframes) {
     const auto it = submap->keyframes.find(id);
     if (it == submap->keyframes.end()) continue;
+    const SubmapKeyframe& successor = Successor(*submap, it);
+    submap->removed_keyframes[id] = {successor.id, it->second.cam_from_submap * successor.cam_from_submap.Inverse()};
     for (int i = 0; i < it->second.features.Size(); ++i) {
       if (it->second.map_points[i].IsValid()) RemoveObservation(submap, it->second.map_points[i], id, i);
     }
-    submap->removed_keyframes[id] = {id, it->second.cam_from_submap};
     submap->keyframes.erase(it);
   }
   for (const MapPointId id : update.removed_points) {
@@ -93,7 +116,9 @@ std::string ApplyKeyframe(Submap* submap, const RecordHeader& header, const Keyf
     return "keyframe: feature counts disagree";
   }
   if (!IsFinite(record.cam_from_submap)) return "keyframe: pose is not finite";
-  if (!record.keyframe.IsValid() || submap->keyframes.contains(record.keyframe)) return "keyframe: id used before";
+  if (!record.keyframe.IsValid() || submap->keyframes.contains(record.keyframe) ||
+      submap->removed_keyframes.contains(record.keyframe))
+    return "keyframe: id used before";
   for (const MapPointId id : record.map_points) {
     if (id.IsValid() && !submap->points.contains(id)) return "keyframe: unknown map point " + std::to_string(id.value);
   }
@@ -110,11 +135,18 @@ std::string ApplyKeyframe(Submap* submap, const RecordHeader& header, const Keyf
 
 }  // namespace
 
+TrackedFrame Submap::Resolved(TrackedFrame frame) const {
+  while (!keyframes.contains(frame.keyframe)) {
+    const RemovedKeyframe& removed = removed_keyframes.at(frame.keyframe);
+    frame.cam_from_keyframe = frame.cam_from_keyframe * removed.cam_from_successor;
+    frame.keyframe = removed.successor;
+  }
+  return frame;
+}
+
 Rigid3 Submap::CamFromSubmap(const TrackedFrame& frame) const {
-  const auto it = keyframes.find(frame.keyframe);
-  const Rigid3& reference =
-      it != keyframes.end() ? it->second.cam_from_submap : removed_keyframes.at(frame.keyframe).cam_from_submap;
-  return frame.cam_from_keyframe * reference;
+  const TrackedFrame resolved = Resolved(frame);
+  return resolved.cam_from_keyframe * keyframes.at(resolved.keyframe).cam_from_submap;
 }
 
 std::string Session::Apply(const Record& record) {

@@ -35,6 +35,13 @@ struct SubmapPoint {
   std::vector<SubmapObservation> observations;         // ascending by keyframe
 };
 
+// A culled keyframe, and the one that shared most map points with it when it went: what refers to the one refers to
+// the other, and follows its corrections.
+struct RemovedKeyframe {
+  KeyframeId successor;  // may have been removed later itself
+  Rigid3 cam_from_successor;
+};
+
 struct Submap {
   SubmapId id;
   bool ended = false;
@@ -42,10 +49,11 @@ struct Submap {
   int last_frame = -1;
   std::map<KeyframeId, SubmapKeyframe> keyframes;
   std::map<MapPointId, SubmapPoint> points;
-  std::vector<TrackedFrame> frames;                      // in the order they were tracked
-  std::map<KeyframeId, KeyframePose> removed_keyframes;  // last pose of culled keyframes: frames may refer to them
+  std::vector<TrackedFrame> frames;  // in the order they were tracked; they may refer to removed keyframes
+  std::map<KeyframeId, RemovedKeyframe> removed_keyframes;
 
-  // Pose of a tracked frame; falls back on removed keyframes.
+  // The frame relative to a keyframe that there is.
+  TrackedFrame Resolved(TrackedFrame frame) const;
   Rigid3 CamFromSubmap(const TrackedFrame& frame) const;
 };
 

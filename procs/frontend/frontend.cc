@@ -381,7 +381,7 @@ std::vector<std::pair<int64_t, RecordBody>> Frontend::TakeRecords(int64_t utime,
   update.frames.assign(tracked_frames_.begin(), later);
   tracked_frames_.erase(tracked_frames_.begin(), later);
   if (!update.keyframes.empty() || !update.points.empty() || !update.observations.empty() ||
-      !update.removed_points.empty() || !update.frames.empty()) {
+      !update.removed_keyframes.empty() || !update.removed_points.empty() || !update.frames.empty()) {
     records.emplace_back(utime, std::move(update));
   }
   return records;

@@ -50,6 +50,7 @@ void LocalMapper::Process(int keyframe, WorkingMap* map, MapLock* lock) const {
   Triangulate(keyframe, neighbours, map, lock);
   FuseNeighbourhood(keyframe, neighbours, map, lock);
   AdjustLocal(keyframe, map, lock);
+  CullKeyframes(keyframe, map);
 }
 
 void LocalMapper::FuseNeighbourhood(int keyframe, const std::vector<int>& neighbours, WorkingMap* map,
@@ -86,6 +87,33 @@ void LocalMapper::CullRecentPoints(int keyframe, WorkingMap* map) const {
     const bool not_confirmed = age >= 3 && point.observations.size() <= 2;
     if (rarely_found || not_confirmed) map->RemovePoint(static_cast<int>(i));
   }
+}
+
+void LocalMapper::CullKeyframes(int keyframe, WorkingMap* map) const {
+  const StageTimer timer("map/cull");
+  constexpr int kFirst = 2;   // the pair that gave the submap its frame and scale stays
+  constexpr int kNewest = 3;  // tracking matches with them
+  for (const Covisible& c : map->CovisibleKeyframes(keyframe, options_.min_covisible)) {
+    if (c.keyframe < kFirst || c.keyframe > keyframe - kNewest || !map->Keyframe(c.keyframe).published) continue;
+    if (IsRedundant(c.keyframe, *map)) map->RemoveKeyframe(c.keyframe);
+  }
+}
+
+bool LocalMapper::IsRedundant(int keyframe, const WorkingMap& map) const {
+  const Frame& frame = *map.Keyframe(keyframe).frame;
+  int num_points = 0, num_redundant = 0;
+  for (int i = 0; i < frame.features.Size(); ++i) {
+    if (frame.points[i] < 0) continue;
+    ++num_points;
+    const int coarsest = frame.features.keypoints[i].octave + 1;
+    int observers = -1;  // not counting itself
+    for (const WorkingObservation& o : map.Point(frame.points[i]).observations) {
+      if (map.Keyframe(o.keyframe).frame->features.keypoints[o.feature].octave <= coarsest) ++observers;
+      if (observers == options_.redundant_observers) break;
+    }
+    num_redundant += observers == options_.redundant_observers;
+  }
+  return num_redundant > options_.redundant_share * num_points;
 }
 
 void LocalMapper::Triangulate(int keyframe, const std::vector<int>& neighbours, WorkingMap* map, MapLock* lock) const {
@@ -246,7 +274,7 @@ void LocalMapper::FuseWithOverlapping(int keyframe, const std::vector<int>& neig
   };
   std::vector<Overlapping> candidates;
   for (int k = 0; k < keyframe; ++k) {
-    if (known.contains(k)) continue;
+    if (map->Keyframe(k).removed || known.contains(k)) continue;
     const Rigid3& other = map->Keyframe(k).frame->cam_from_submap;
     const Eigen::Vector3d x = other * looked_at;
     const Eigen::Vector3d other_axis = other.rotation.conjugate() * Eigen::Vector3d::UnitZ();

@@ -22,6 +22,8 @@ struct LocalMapperOptions {
   int bundle_iterations = 5;
   int bundle_points = 150;  // that determine a keyframe's pose there; the other points follow
   double outlier_chi2 = 5.991;
+  double redundant_share = 0.9;  // of a keyframe's points that enough others see as well as it does: it is culled
+  int redundant_observers = 3;   // keyframes that see a point at the same octave, give or take one, or a finer one
 };
 
 // What happens to the map when a keyframe joins: new points are triangulated with its neighbours, duplicates fused, the
@@ -39,6 +41,9 @@ class LocalMapper {
 
  private:
   void CullRecentPoints(int keyframe, WorkingMap* map) const;
+  // Neighbours of a keyframe that say nothing which others do not say.
+  void CullKeyframes(int keyframe, WorkingMap* map) const;
+  bool IsRedundant(int keyframe, const WorkingMap& map) const;
   void Triangulate(int keyframe, const std::vector<int>& neighbours, WorkingMap* map, MapLock* lock) const;
   int TriangulateWith(int keyframe, int neighbour, double near, double far, WorkingMap* map) const;
   // Projects points into a keyframe; adds observations or fuses with what is there. Returns how many.

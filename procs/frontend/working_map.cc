@@ -72,6 +72,21 @@ void WorkingMap::RemovePoint(int point) {
   p.published = false;
 }
 
+void WorkingMap::RemoveKeyframe(int keyframe) {
+  WorkingKeyframe& k = keyframes_[keyframe];
+  for (const int p : PointsOf(keyframe)) RemoveObservation(p, keyframe);
+  k.removed = true;
+  k.dirty_features.clear();
+  dirty_keyframes_.erase(keyframe);
+  removed_keyframes_.push_back(k.id);
+  // Others may still hold the frame.
+  const auto kept = std::make_shared<Frame>();
+  kept->index = k.frame->index;
+  kept->utime = k.frame->utime;
+  kept->cam_from_submap = k.frame->cam_from_submap;
+  k.frame = kept;
+}
+
 void WorkingMap::FusePoints(int from, int into) {
   if (from == into || points_[from].removed || points_[into].removed) return;
   const auto moved = points_[from].observations;
@@ -234,6 +249,8 @@ MapUpdate WorkingMap::TakeUpdate() {
     }
     k.dirty_features.clear();
   }
+  update.removed_keyframes = std::move(removed_keyframes_);
+  removed_keyframes_.clear();
   update.removed_points = std::move(removed_points_);
   removed_points_.clear();
   dirty_keyframes_.clear();

@@ -34,6 +34,7 @@ struct WorkingKeyframe {
   KeyframeId id;
   FramePtr frame;
   bool published = false;
+  bool removed = false;  // culled: the frame keeps its pose, but no features
   std::vector<int> dirty_features;  // whose points are to be published; a feature may occur twice
 };
 
@@ -66,6 +67,7 @@ class WorkingMap {
   void AddObservation(int point, int keyframe, int feature);
   void RemoveObservation(int point, int keyframe);  // removes the point too when fewer than two remain
   void RemovePoint(int point);
+  void RemoveKeyframe(int keyframe);  // which is published
   // All observations of from go to into, where into has none in that keyframe; from is removed.
   void FusePoints(int from, int into);
   void SetPose(int keyframe, const Rigid3& cam_from_submap);
@@ -99,6 +101,7 @@ class WorkingMap {
 
   std::set<int> dirty_keyframes_;  // their poses are to be published
   std::vector<int> dirty_points_;  // in any order; a point once
+  std::vector<KeyframeId> removed_keyframes_;
   std::vector<MapPointId> removed_points_;
 };
 

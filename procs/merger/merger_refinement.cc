@@ -72,7 +72,9 @@ RefinementTask Merger::MakeRefinement() {
     live_task_.pairs.insert(pair);
     for (size_t i = 0; i < connection.evidence.size(); ++i) {
       const ConnectedFrames& e = connection.evidence[i];
-      if (connection.agrees[i]) {
+      const bool was_culled = !View(pair.first).submap->keyframes.contains(e.keyframe_a) ||
+                              !View(pair.second).submap->keyframes.contains(e.keyframe_b);
+      if (connection.agrees[i] && !was_culled) {
         task.links.push_back({index.at(pair.first), index.at(pair.second), e.keyframe_a, e.keyframe_b, e.b_from_a});
       }
     }

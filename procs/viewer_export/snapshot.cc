@@ -34,8 +34,9 @@ class FramePlacer {
 
   Rigid3 Place(const TrackedFrame& frame) const {
     if (refined_times_.empty()) return TransformWorld(submap_.submap->CamFromSubmap(frame), submap_.root_from_submap);
-    const auto it = refined_->keyframes.find(frame.keyframe);
-    if (it != refined_->keyframes.end()) return Follow(frame.cam_from_keyframe, it->second);
+    const TrackedFrame resolved = submap_.submap->Resolved(frame);
+    const auto it = refined_->keyframes.find(resolved.keyframe);
+    if (it != refined_->keyframes.end()) return Follow(resolved.cam_from_keyframe, it->second);
     const KeyframeId nearest = NearestRefined(frame.utime);
     const Rigid3 cam_from_nearest =
         submap_.submap->CamFromSubmap(frame) * submap_.submap->keyframes.at(nearest).cam_from_submap.Inverse();
