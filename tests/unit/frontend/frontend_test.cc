@@ -85,6 +85,32 @@ TEST_P(FrontendThreads, ShortBlackoutContinuesTheSameSubmap) {
   EXPECT_EQ(run.session.submaps.begin()->second.frames.size(), 22u);
 }
 
+// To and fro over the same ground: keyframes that say nothing new go, and their frames keep their places.
+TEST_P(FrontendThreads, HoveringDoesNotGrowTheMap) {
+  SyntheticScene scene(12000, -1.5, 6, 0.1, 1);
+  Replay run(scene, GetParam());
+  std::vector<Rigid3> truth;
+  size_t keyframes_half_way = 0;
+  for (int i = 0; i < 160; ++i) {
+    truth.push_back(NadirPose(0.1 * std::abs(i % 20 - 10), 0.02 * (i % 3), 0.03 * (i % 2)));
+    run.frontend.ProcessFrame(scene.View(truth.back(), i));
+    if (i == 80) keyframes_half_way = run.session.submaps.begin()->second.keyframes.size();
+  }
+  run.frontend.Finish();
+  ASSERT_EQ(run.session.submaps.size(), 1u);
+  const Submap& submap = run.session.submaps.begin()->second;
+  EXPECT_FALSE(submap.removed_keyframes.empty());
+  EXPECT_LE(submap.keyframes.size(), keyframes_half_way + 3);
+  ASSERT_EQ(submap.frames.size(), truth.size());
+  std::vector<Eigen::Vector3d> centers(truth.size());
+  for (const TrackedFrame& f : submap.frames) centers[f.frame] = submap.CamFromSubmap(f).Center();
+  const double scale = (truth[10].Center() - truth[0].Center()).norm() / (centers[10] - centers[0]).norm();
+  for (size_t i = 0; i < truth.size(); ++i) {
+    const double expected = (truth[i].Center() - truth[0].Center()).norm();
+    EXPECT_NEAR(scale * (centers[i] - centers[0]).norm(), expected, 0.01 + 0.01 * expected) << i;
+  }
+}
+
 TEST(Frontend, WhatCannotBeEmittedInTheMappingThreadIsToldToTheCaller) {
   SyntheticScene scene(12000, -1.5, 6, 0.1, 6);
   int records = 0;

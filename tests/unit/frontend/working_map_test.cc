@@ -55,5 +55,26 @@ TEST(WorkingMap, APointWithOneObservationLeftIsRemoved) {
   EXPECT_TRUE(map.TakeUpdate().removed_points.empty());
 }
 
+TEST(WorkingMap, ARemovedKeyframeLeavesItsPointsToTheOthers) {
+  IdSource ids;
+  WorkingMap map(SubmapId(0), {}, &ids);
+  for (int i = 0; i < 3; ++i) map.AddKeyframe(FrameWithFeatures(2));
+  const int p = map.AddPoint({0, 0, 1}, 0), q = map.AddPoint({0, 0.1, 1}, 0);
+  for (int i = 0; i < 3; ++i) map.AddObservation(p, i, 0);
+  for (int i = 0; i < 2; ++i) map.AddObservation(q, i, 1);  // one observation will be left
+  for (int i = 0; i < 3; ++i) map.MarkPublished(i);
+  map.TakeUpdate();
+  map.RemoveKeyframe(1);
+  EXPECT_TRUE(map.Keyframe(1).removed);
+  EXPECT_EQ(map.Point(p).observations.size(), 2u);
+  EXPECT_TRUE(map.Point(q).removed);
+  EXPECT_EQ(map.CovisibleKeyframes(0, 1).size(), 1u);
+  const MapUpdate update = map.TakeUpdate();
+  EXPECT_EQ(update.removed_keyframes, std::vector<KeyframeId>{map.Keyframe(1).id});
+  EXPECT_EQ(update.removed_points, std::vector<MapPointId>{map.Point(q).id});
+  for (const ObservationChange& o : update.observations) EXPECT_EQ(o.keyframe, map.Keyframe(0).id);
+  EXPECT_TRUE(map.TakeUpdate().removed_keyframes.empty());
+}
+
 }  // namespace
 }  // namespace mapmend
