@@ -69,8 +69,8 @@ const SubmapKeyframe& Successor(const Submap& submap, std::map<KeyframeId, Subma
       if (o.keyframe != keyframe->first) ++shared[o.keyframe];
     }
   }
-  const auto best = std::max_element(shared.begin(), shared.end(),
-                                     [](const auto& l, const auto& r) { return l.second < r.second; });
+  const auto best =
+      std::max_element(shared.begin(), shared.end(), [](const auto& l, const auto& r) { return l.second < r.second; });
   if (best != shared.end()) return submap.keyframes.at(best->first);
   return keyframe != submap.keyframes.begin() ? std::prev(keyframe)->second : std::next(keyframe)->second;
 }

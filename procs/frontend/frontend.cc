@@ -164,10 +164,11 @@ std::optional<Rigid3> Frontend::Predict(int64_t utime) const {
 }
 
 // A frame of the past, for which nothing that follows will tell whether its pose was right: its points must be spread
-// wider.
+// wider and fix it better.
 TrackResult Frontend::TrackAfterwards(const std::vector<int>& hints, Frame* frame) {
   TrackResult result = tracker_.Track(std::nullopt, hints, map_.get(), frame);
-  if (result.success && result.spread < options_.min_spread_afterwards) {
+  if (result.success && (result.spread < options_.min_spread_afterwards ||
+                         result.position_sigma > options_.max_position_sigma_afterwards)) {
     result.success = false;
     std::fill(frame->points.begin(), frame->points.end(), -1);
   }

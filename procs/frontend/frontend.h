@@ -27,8 +27,10 @@ struct FrontendOptions {
   double keyframe_ratio = 0.7;    // new keyframe when fewer points are seen than this share of the reference keyframe's
   int comfortable_inliers = 100;  // or fewer than this
   double keyframe_angle_deg = 3;  // or when the points are seen under an angle that differs by this much (median)
-  // Share of the image's cells that must hold an inlier of a frame that is tracked afterwards.
+  // For a frame that is tracked afterwards: share of the image's cells that must hold an inlier, and the largest
+  // standard deviation of its position, of the median depth.
   double min_spread_afterwards = 0.2;
+  double max_position_sigma_afterwards = 0.008;
   double max_jump = 0.15;          // a step of this share of the scene's depth, and five times the last one, is a jump
   double jump_found_share = 0.15;  // of the points in view that must be found to believe a jump
   int confirm_frames = 2;          // frames that must be tracked in a new submap before it is believed

@@ -220,8 +220,10 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
   const double max_sigma = options_.max_position_sigma * (result.method == "descriptors" ? 1 : 2);
   // A wrong pose finds the few points that made it, and none of the others that should be in view; or those that it
   // finds would as well be seen from elsewhere.
+  if (is_enough)
+    result.position_sigma = RelativePositionSigma(camera_, frame->cam_from_submap, Observations(*map, *frame));
   if (!is_enough || result.num_inliers < options_.min_found_share * result.num_visible ||
-      RelativePositionSigma(camera_, frame->cam_from_submap, Observations(*map, *frame)) > max_sigma) {
+      result.position_sigma > max_sigma) {
     if (is_enough) result.reason = "unsupported_pose";
     std::fill(frame->points.begin(), frame->points.end(), -1);
     return result;

@@ -30,6 +30,7 @@ struct TrackResult {
   int num_inliers = 0;
   int num_visible = 0;  // points of the local map that should be in view
   double spread = 0;
+  double position_sigma = 0;    // of the median depth; known if the inliers are enough
   int reference_keyframe = -1;  // that shares most points
 };
 

@@ -34,7 +34,7 @@ struct WorkingKeyframe {
   KeyframeId id;
   FramePtr frame;
   bool published = false;
-  bool removed = false;  // culled: the frame keeps its pose, but no features
+  bool removed = false;             // culled: the frame keeps its pose, but no features
   std::vector<int> dirty_features;  // whose points are to be published; a feature may occur twice
 };
 

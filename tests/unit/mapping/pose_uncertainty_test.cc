@@ -64,6 +64,35 @@ TEST(PoseUncertainty, AFewNearPointsAreNotTrusted) {
   EXPECT_LT(RelativePositionSigma(kCamera, {}, observations), 0.005);
 }
 
+// Two exact near points hide the influence of a third that is known less well; it would still hold the pose when they
+// are gone.
+TEST(PoseUncertainty, PointsThatHideBehindOthersAreNotTrustedEither) {
+  Random random(3);
+  std::vector<PoseObservation> observations;
+  const auto add = [&](const Eigen::Vector3d& x, double sigma) {
+    observations.push_back({x, kCamera.Project(x), sigma});
+  };
+  for (int i = 0; i < 45; ++i)
+    add({2 * random.Uniform() - 1, 1.5 * random.Uniform() - 0.5, 7.5 + 0.5 * random.Uniform()}, 2.5);
+  add({0.4, 0.25, 1}, 1);
+  add({0.3, 0.3, 1.1}, 1);
+  add({0.35, 0.2, 1.05}, 3);
+  EXPECT_GT(RelativePositionSigma(kCamera, {}, observations), 0.0125);
+}
+
+TEST(PoseUncertainty, ACornerFoundAtManyOctavesCountsOnce) {
+  Random random(4);
+  std::vector<PoseObservation> once, often;
+  for (int i = 0; i < 40; ++i) {
+    const Eigen::Vector3d x(2 * random.Uniform() - 1, 1.4 * random.Uniform() - 0.7, 2 + 0.2 * random.Uniform());
+    // In the middle of a cell of a hundredth of the image, where its copies do not fall into another.
+    const Eigen::Vector2d pixel = (kCamera.Project(x) / 10).array().floor() * 10 + 5;
+    once.push_back({2 * kCamera.Unproject(pixel), pixel, 1.0});
+    for (int copy = 0; copy < 4; ++copy) often.push_back(once.back());
+  }
+  EXPECT_NEAR(RelativePositionSigma(kCamera, {}, often) / RelativePositionSigma(kCamera, {}, once), 1, 0.02);
+}
+
 TEST(PoseUncertainty, PointsThatFixNothingAreInfinitelyUncertain) {
   EXPECT_TRUE(std::isinf(RelativePositionSigma(kCamera, {}, {})));
   const Eigen::Vector3d x(0.1, 0.1, 2);

@@ -5,8 +5,8 @@
 namespace mapmend {
 namespace {
 
-// A session with one submap of keyframes 0 to 3 (at x = 0 to 3) that see points 0 to 5: keyframe 2 shares four with 1, two
-// with 3.
+// A session with one submap of keyframes 0 to 3 (at x = 0 to 3) that see points 0 to 5: keyframe 2 shares four with 1,
+// two with 3.
 class SubmapTest : public ::testing::Test {
  protected:
   SubmapTest() {
