@@ -73,11 +73,13 @@ TEST(PoseUncertainty, PointsThatHideBehindOthersAreNotTrustedEither) {
     observations.push_back({x, kCamera.Project(x), sigma});
   };
   for (int i = 0; i < 45; ++i)
-    add({2 * random.Uniform() - 1, 1.5 * random.Uniform() - 0.5, 7.5 + 0.5 * random.Uniform()}, 2.5);
-  add({0.4, 0.25, 1}, 1);
-  add({0.3, 0.3, 1.1}, 1);
-  add({0.35, 0.2, 1.05}, 3);
-  EXPECT_GT(RelativePositionSigma(kCamera, {}, observations), 0.0125);
+    add({1.4 * random.Uniform(), 1.2 * random.Uniform() - 0.6, 7.3 + 0.4 * random.Uniform()}, 1);
+  const double without = RelativePositionSigma(kCamera, {}, observations);
+  EXPECT_GT(without, 0.0125);
+  add({-0.6, -0.25, 0.8}, 1);
+  add({-0.4, -0.2, 1.5}, 1);
+  add({-0.37, -0.21, 1.5}, 4);
+  EXPECT_GT(RelativePositionSigma(kCamera, {}, observations), 0.8 * without);
 }
 
 TEST(PoseUncertainty, ACornerFoundAtManyOctavesCountsOnce) {
