@@ -1,6 +1,7 @@
 #include "libs/mapping/submap.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <iterator>
 #include <set>
 #include <unordered_set>
@@ -60,7 +61,8 @@ std::string CheckUpdate(const Submap& submap, const MapUpdate& update) {
   return "";
 }
 
-// Of the other keyframes the one that shares most map points (ties: the older); without any the one before, or behind.
+// Of the other keyframes the one that shares most map points (ties: nearest by id, then the older); without any the one
+// before, or behind.
 const SubmapKeyframe& Successor(const Submap& submap, std::map<KeyframeId, SubmapKeyframe>::const_iterator keyframe) {
   std::map<KeyframeId, int> shared;
   for (const MapPointId point : keyframe->second.map_points) {
@@ -69,8 +71,11 @@ const SubmapKeyframe& Successor(const Submap& submap, std::map<KeyframeId, Subma
       if (o.keyframe != keyframe->first) ++shared[o.keyframe];
     }
   }
-  const auto best =
-      std::max_element(shared.begin(), shared.end(), [](const auto& l, const auto& r) { return l.second < r.second; });
+  const auto is_worse = [&](const auto& l, const auto& r) {
+    const auto away = [&](KeyframeId id) { return std::abs(id.value - keyframe->first.value); };
+    return l.second != r.second ? l.second < r.second : away(l.first) > away(r.first);
+  };
+  const auto best = std::max_element(shared.begin(), shared.end(), is_worse);
   if (best != shared.end()) return submap.keyframes.at(best->first);
   return keyframe != submap.keyframes.begin() ? std::prev(keyframe)->second : std::next(keyframe)->second;
 }

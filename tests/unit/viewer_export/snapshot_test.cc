@@ -82,11 +82,11 @@ TEST(SnapshotTest, RefinedKeyframesCarryTheirFramesWithThem) {
   EXPECT_LT(LargestError(flight, MakeSnapshot(model).components[0].frames), 1e-4);
 }
 
-TEST(SnapshotTest, AFrameOfACulledKeyframeFollowsTheNearestRefinedOne) {
+TEST(SnapshotTest, AFrameOfACulledKeyframeFollowsTheSuccessor) {
   TestFlightOptions options;
   options.num_submaps = 1;
   const TestFlight flight(options);
-  // Cull keyframe 2 (frames 8 to 11) before the submap ends.
+  // Cull keyframe 2 (frames 8 to 11) before the submap ends. All see the same points: keyframe 1 succeeds.
   MapUpdate cull;
   cull.submap = SubmapId(0);
   cull.removed_keyframes = {KeyframeId(2)};
@@ -95,9 +95,9 @@ TEST(SnapshotTest, AFrameOfACulledKeyframeFollowsTheNearestRefinedOne) {
   MapRevision merged = flight.Revision();
   RefinedSubmap refined = flight.Refinement(0);
   refined.keyframes.erase(KeyframeId(2));
-  // Refinement moved keyframe 3 (frame 12) by one unit in x and doubled the lengths around it; the others stayed.
-  const Rigid3 before = refined.keyframes.at(KeyframeId(3)).cam_from_root;
-  refined.keyframes[KeyframeId(3)] = {
+  // Refinement moved keyframe 1 (frame 4) by one unit in x and doubled the lengths around it; the others stayed.
+  const Rigid3 before = refined.keyframes.at(KeyframeId(1)).cam_from_root;
+  refined.keyframes[KeyframeId(1)] = {
       Rigid3(before.rotation, before.translation - before.rotation * Eigen::Vector3d(1, 0, 0)), 2};
   merged.refinement[flight.Key(0)] = refined;
   model.SetRevision(merged);
@@ -107,11 +107,36 @@ TEST(SnapshotTest, AFrameOfACulledKeyframeFollowsTheNearestRefinedOne) {
   const auto tracked = [&](int frame) {
     return Eigen::Vector3d(flight.WorldFromSubmap(0).Inverse() * flight.WorldFromCamera(frame).translation);
   };
+  const Eigen::Vector3d moved = tracked(4) + Eigen::Vector3d(1, 0, 0);
+  EXPECT_LT((center(4) - moved).norm(), 1e-6);
+  for (const int frame : {8, 10, 11}) {
+    EXPECT_LT((center(frame) - (moved + 2 * (tracked(frame) - tracked(4)))).norm(), 1e-6) << frame;
+  }
+  EXPECT_LT((center(12) - tracked(12)).norm(), 1e-6) << "keyframe 3 stayed";
+  EXPECT_EQ(MakeSnapshot(model).components[0].keyframes.size(), 4u);
+}
+
+TEST(SnapshotTest, AFrameOfAKeyframeThatIsNotRefinedFollowsTheNearestInTime) {
+  TestFlightOptions options;
+  options.num_submaps = 1;
+  const TestFlight flight(options);
+  MapModel model = MakeModel(flight);
+  MapRevision merged = flight.Revision();
+  RefinedSubmap refined = flight.Refinement(0);
+  refined.keyframes.erase(KeyframeId(2));  // frames 8 to 11
+  const Rigid3 before = refined.keyframes.at(KeyframeId(3)).cam_from_root;
+  refined.keyframes[KeyframeId(3)] = {
+      Rigid3(before.rotation, before.translation - before.rotation * Eigen::Vector3d(1, 0, 0)), 2};
+  merged.refinement[flight.Key(0)] = refined;
+  model.SetRevision(merged);
+  const std::vector<MergedFrame> frames = MakeSnapshot(model).submaps[0].frames;
+  const auto center = [&](int frame) { return frames[frame].cam_from_root.Center(); };
+  const auto tracked = [&](int frame) {
+    return Eigen::Vector3d(flight.WorldFromSubmap(0).Inverse() * flight.WorldFromCamera(frame).translation);
+  };
   EXPECT_LT((center(8) - tracked(8)).norm(), 1e-6) << "nearest is keyframe 1 (frame 4), which stayed";
   const Eigen::Vector3d moved = tracked(12) + Eigen::Vector3d(1, 0, 0);
-  EXPECT_LT((center(12) - moved).norm(), 1e-6);
   EXPECT_LT((center(10) - (moved + 2 * (tracked(10) - tracked(12)))).norm(), 1e-6) << "nearest is keyframe 3";
-  EXPECT_EQ(MakeSnapshot(model).components[0].keyframes.size(), 4u);
 }
 
 TEST(SnapshotTest, AFrameTrackedInTwoSubmapsCountsOnce) {
