@@ -82,6 +82,17 @@ TEST(SnapshotTest, RefinedKeyframesCarryTheirFramesWithThem) {
   EXPECT_LT(LargestError(flight, MakeSnapshot(model).components[0].frames), 1e-4);
 }
 
+// A refinement that moves a keyframe by one unit in x and doubles the lengths around it.
+void MoveAndDouble(RefinedKeyframe* keyframe) {
+  const Rigid3 before = keyframe->cam_from_root;
+  *keyframe = {Rigid3(before.rotation, before.translation - before.rotation * Eigen::Vector3d(1, 0, 0)), 2};
+}
+
+// Where submap 0 has the camera.
+Eigen::Vector3d TrackedCenter(const TestFlight& flight, int frame) {
+  return flight.WorldFromSubmap(0).Inverse() * flight.WorldFromCamera(frame).translation;
+}
+
 TEST(SnapshotTest, AFrameOfACulledKeyframeFollowsTheSuccessor) {
   TestFlightOptions options;
   options.num_submaps = 1;
@@ -96,17 +107,13 @@ TEST(SnapshotTest, AFrameOfACulledKeyframeFollowsTheSuccessor) {
   RefinedSubmap refined = flight.Refinement(0);
   refined.keyframes.erase(KeyframeId(2));
   // Refinement moved keyframe 1 (frame 4) by one unit in x and doubled the lengths around it; the others stayed.
-  const Rigid3 before = refined.keyframes.at(KeyframeId(1)).cam_from_root;
-  refined.keyframes[KeyframeId(1)] = {
-      Rigid3(before.rotation, before.translation - before.rotation * Eigen::Vector3d(1, 0, 0)), 2};
+  MoveAndDouble(&refined.keyframes.at(KeyframeId(1)));
   merged.refinement[flight.Key(0)] = refined;
   model.SetRevision(merged);
   const std::vector<MergedFrame> frames = MakeSnapshot(model).submaps[0].frames;
   ASSERT_EQ(frames.size(), 20u);
   const auto center = [&](int frame) { return frames[frame].cam_from_root.Center(); };
-  const auto tracked = [&](int frame) {
-    return Eigen::Vector3d(flight.WorldFromSubmap(0).Inverse() * flight.WorldFromCamera(frame).translation);
-  };
+  const auto tracked = [&](int frame) { return TrackedCenter(flight, frame); };
   const Eigen::Vector3d moved = tracked(4) + Eigen::Vector3d(1, 0, 0);
   EXPECT_LT((center(4) - moved).norm(), 1e-6);
   for (const int frame : {8, 10, 11}) {
@@ -124,16 +131,12 @@ TEST(SnapshotTest, AFrameOfAKeyframeThatIsNotRefinedFollowsTheNearestInTime) {
   MapRevision merged = flight.Revision();
   RefinedSubmap refined = flight.Refinement(0);
   refined.keyframes.erase(KeyframeId(2));  // frames 8 to 11
-  const Rigid3 before = refined.keyframes.at(KeyframeId(3)).cam_from_root;
-  refined.keyframes[KeyframeId(3)] = {
-      Rigid3(before.rotation, before.translation - before.rotation * Eigen::Vector3d(1, 0, 0)), 2};
+  MoveAndDouble(&refined.keyframes.at(KeyframeId(3)));
   merged.refinement[flight.Key(0)] = refined;
   model.SetRevision(merged);
   const std::vector<MergedFrame> frames = MakeSnapshot(model).submaps[0].frames;
   const auto center = [&](int frame) { return frames[frame].cam_from_root.Center(); };
-  const auto tracked = [&](int frame) {
-    return Eigen::Vector3d(flight.WorldFromSubmap(0).Inverse() * flight.WorldFromCamera(frame).translation);
-  };
+  const auto tracked = [&](int frame) { return TrackedCenter(flight, frame); };
   EXPECT_LT((center(8) - tracked(8)).norm(), 1e-6) << "nearest is keyframe 1 (frame 4), which stayed";
   const Eigen::Vector3d moved = tracked(12) + Eigen::Vector3d(1, 0, 0);
   EXPECT_LT((center(10) - (moved + 2 * (tracked(10) - tracked(12)))).norm(), 1e-6) << "nearest is keyframe 3";
