@@ -191,7 +191,8 @@ void AddAction(CLI::App* edges, const std::string& name, const std::string& desc
                     "beginning")
         ->required()
         ->expected(2);
-    sub->add_option("--seed", options->file.seed, "for a file: that of the flight's run");
+    sub->add_option("--seed", options->file.seed,
+                    "for a file, of everything random (default: that of the flight's run)");
     sub->add_option("--groundtruth", options->file.groundtruth, "for a folder of results: TUM file for the report");
   }
   sub->add_option("--vocabulary", options->file.vocabulary,

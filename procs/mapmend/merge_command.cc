@@ -58,7 +58,8 @@ void AddMergeCommand(CLI::App* app) {
   AddCommonOptions(sub, map.get(), options.get());
   sub->add_option("--out", options->out,
                   "folder of the results (default: MAP, if that is a folder; else none are written)");
-  sub->add_option("--seed", options->seed, "of everything random; take that of the flight's run for the same map");
+  sub->add_option("--seed", options->seed,
+                  "of everything random (default: that of the flight's run, which gives the same map)");
   sub->callback([options, map] {
     options->place = FindMap(*map);
     options->with_merger = options->forget_merged = true;

@@ -128,7 +128,8 @@ void AddReplayCommand(CLI::App* app) {
   sub->add_option("--vocabulary", options->vocabulary,
                   "the one that the recording was made with (default: mapmend's own)");
   sub->add_option("--groundtruth", options->groundtruth, "TUM file; the report then tells the accuracy");
-  sub->add_option("--seed", options->seed, "of everything random; take that of the recorded run for the same map");
+  sub->add_option("--seed", options->seed,
+                  "of everything random (default: that of the recorded run, which gives the same map)");
   sub->add_option("--speed", options->speed, "times as fast as the camera took the images; 0: as fast as it goes")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();

@@ -7,7 +7,7 @@ int Run(int argc, char** argv) {
   mapmend::MergerProcessOptions options;
   mapmend::AddProcessOptions(&app, &options.process);
   app.add_option("--vocabulary", options.vocabulary, "vocabulary file; sessions made with another one are refused");
-  app.add_option("--seed", options.seed, "seed of every random choice")->capture_default_str();
+  app.add_option("--seed", options.seed, "seed of every random choice (default: that of the flight)");
   app.add_option("--cache-keyframes", options.max_cached_keyframes,
                  "keyframes held complete in memory; the bulk of the others is read from the store when needed")
       ->check(CLI::PositiveNumber)

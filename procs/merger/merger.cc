@@ -4,6 +4,8 @@
 #include <limits>
 #include <tuple>
 
+#include "procs/merger/flight_seed.h"
+
 namespace mapmend {
 namespace {
 
@@ -119,6 +121,9 @@ std::string Merger::Consume(const Record& record) {
   }
   ++num_records_;
   ++state_;
+  if (std::holds_alternative<SessionStarted>(record.body)) {
+    options_.connected_frames.ransac.seed = options_.seed.value_or(SeedOfFlights(sessions_).value_or(1));
+  }
   complete_ = false;
   std::set<PairKey> evaluated;
   if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body)) {

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstdint>
 #include <deque>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -57,7 +59,8 @@ class MergerOutput {
 struct MergerOptions {
   MergerOptions();
 
-  ConnectedFramesOptions connected_frames;
+  std::optional<uint64_t> seed;  // none: that of the flight (flight_seed.h), or 1 if the flight does not tell
+  ConnectedFramesOptions connected_frames;  // with that seed
   ConnectionOptions connection;
   LoopClosureOptions loops;
   CycleConsistencyOptions cycles;
@@ -119,6 +122,7 @@ class Merger {
   std::vector<Connection> connections() const;
   const KeyframeCache& keyframe_cache() const { return cache_; }
   const MergedTransforms& transforms() const { return transforms_; }
+  uint64_t seed() const { return options_.connected_frames.ransac.seed; }
   int num_connections() const { return static_cast<int>(connections_.size()); }
   int num_decisions() const { return num_decisions_; }
   int num_accepted() const;

@@ -372,7 +372,7 @@ class MergerLoop {
 
 int RunMergerProcess(const MergerProcessOptions& options) {
   MergerOptions merger_options;
-  merger_options.connected_frames.ransac.seed = options.seed;
+  merger_options.seed = options.seed;
   merger_options.max_cached_keyframes = options.max_cached_keyframes;
   if (const std::string error = merger_options.Check(); !error.empty()) throw std::runtime_error(error);
   std::string vocabulary_hash;

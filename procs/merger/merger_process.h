@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <string>
 
 #include "libs/bus/process.h"
@@ -9,8 +11,8 @@ namespace mapmend {
 
 struct MergerProcessOptions {
   ProcessOptions process;
-  std::string vocabulary;  // path; empty: sessions' vocabularies are not checked
-  uint64_t seed = 1;
+  std::string vocabulary;        // path; empty: sessions' vocabularies are not checked
+  std::optional<uint64_t> seed;  // none: that of the flight
   int max_cached_keyframes = 500;
 };
 

@@ -28,7 +28,7 @@ class Edges : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = new TemporaryFolder;
-    const CommandResult run = Call({"run", kFlight + "video.mp4", "--skip-frames", "0-55,74-83,106-171", "--seed", "1",
+    const CommandResult run = Call({"run", kFlight + "video.mp4", "--skip-frames", "0-55,74-83,106-171", "--seed", "3",
                                     "--port", "0", "--out", *folder_ / "flown", "--record", *folder_ / "log"});
     ASSERT_EQ(run.exit_code, 0) << run.output;
     ASSERT_EQ(Summary(*folder_ / "flown").at("components").size(), 1u);
@@ -54,7 +54,7 @@ TEST_F(Edges, OffAndOnAgainOnTheResultsOfARun) {
   EXPECT_TRUE(Contains(list, "accepted    yes")) << list.output;
   EXPECT_TRUE(Contains(list, "2 submaps in 1 components, 1 connections in the tree")) << list.output;
 
-  const CommandResult off = Call({"edges", "disable", out, "1", "0", "--seed", "1"});
+  const CommandResult off = Call({"edges", "disable", out, "1", "0"});
   ASSERT_EQ(off.exit_code, 0) << off.output;
   EXPECT_TRUE(Contains(off, "deactivated")) << off.output;
   EXPECT_TRUE(Contains(off, "switched off by hand: 0 - 1")) << off.output;
@@ -65,13 +65,13 @@ TEST_F(Edges, OffAndOnAgainOnTheResultsOfARun) {
   const std::string without = Hash(out + "/map.db");
 
   // It survives that the map is merged anew, and saying it twice changes nothing.
-  ASSERT_EQ(Call({"merge", out, "--seed", "1"}).exit_code, 0);
+  ASSERT_EQ(Call({"merge", out}).exit_code, 0);
   EXPECT_EQ(Hash(out + "/map.db"), without);
   const CommandResult again = Call({"edges", "disable", out, "0", "1"});
   EXPECT_EQ(again.exit_code, 0);
   EXPECT_TRUE(Contains(again, "it is so already")) << again.output;
 
-  const CommandResult on = Call({"edges", "enable", out, "0", "1", "--seed", "1"});
+  const CommandResult on = Call({"edges", "enable", out, "0", "1"});
   ASSERT_EQ(on.exit_code, 0) << on.output;
   EXPECT_EQ(Summary(out).at("components").size(), 1u);
   EXPECT_EQ(Hash(out + "/map.db"), before);
@@ -84,12 +84,12 @@ TEST_F(Edges, ABareDatabaseIsMergedAndExported) {
   ASSERT_EQ(Call({"export", db, "--out", exported}).exit_code, 0);
   EXPECT_EQ(ReadText(exported + "/frames.tum"), ReadText(*folder_ / "flown/frames.tum"));
   EXPECT_EQ(ReadText(exported + "/map.ply"), ReadText(*folder_ / "flown/map.ply"));
-  const CommandResult merge = Call({"merge", db, "--seed", "1"});
+  const CommandResult merge = Call({"merge", db});
   ASSERT_EQ(merge.exit_code, 0) << merge.output;
   EXPECT_EQ(Hash(db), before);
 }
 
-// What an earlier merger wrote does not outlive it.
+// What an earlier merger wrote does not outlive it. Without --seed the map is that of the flight's run.
 TEST_F(Edges, MergedAnewNothingOldRemains) {
   const std::string out = Copy("anew"), db = out + "/map.db";
   const std::string before = Hash(db), frames = ReadText(out + "/frames.tum");
@@ -98,16 +98,15 @@ TEST_F(Edges, MergedAnewNothingOldRemains) {
   EXPECT_NE(other_seed, before);
   ASSERT_EQ(Call({"db", "forget", db}).exit_code, 0);
   EXPECT_NE(Hash(db), other_seed);
-  ASSERT_EQ(Call({"merge", out, "--seed", "1"}).exit_code, 0);
+  ASSERT_EQ(Call({"merge", out}).exit_code, 0);
   EXPECT_EQ(Hash(db), before);
   EXPECT_EQ(ReadText(out + "/frames.tum"), frames);
 }
 
 TEST_F(Edges, OnASystemAtWorkTheDecisionIsHeededToTheEnd) {
   const std::string out = *folder_ / "live";
-  RunningCommand run(
-      {kProgram, "replay", *folder_ / "log/mapmend.lcmlog", "--seed", "1", "--speed", "30", "--out", out},
-      *folder_ / "live_output");
+  RunningCommand run({kProgram, "replay", *folder_ / "log/mapmend.lcmlog", "--speed", "30", "--out", out},
+                     *folder_ / "live_output");
   CommandResult off;
   // As soon as there are two submaps.
   ASSERT_TRUE(WaitUntil(
@@ -128,7 +127,7 @@ TEST_F(Edges, OnASystemAtWorkTheDecisionIsHeededToTheEnd) {
 
   // The same map as if it had been decided afterwards.
   const std::string later = Copy("later");
-  ASSERT_EQ(Call({"edges", "disable", later, "0", "1", "--seed", "1"}).exit_code, 0);
+  ASSERT_EQ(Call({"edges", "disable", later, "0", "1"}).exit_code, 0);
   EXPECT_EQ(Hash(out + "/map.db"), Hash(later + "/map.db"));
 }
 
