@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 
+#include "procs/merger/flight_seed.h"
 #include "procs/merger/merger.h"
 #include "tests/unit/merger/merger_fixture.h"
 #include "tests/unit/merger/synthetic_flight.h"
@@ -200,6 +201,76 @@ TEST(MergerDeterminism, TheMapIsTheSameHoweverFewKeyframesAreHeld) {
   }
   EXPECT_EQ(complete, 24);
   EXPECT_EQ(Digest(few), Digest(all));
+}
+
+TEST(MergerDeterminism, TheSeedIsTheFlightsOwnUnlessOneIsGiven) {
+  const SyntheticFlight flight = ThreeCrossingStrips();
+  BruteForceBow bow({});
+  const auto seed = [&](const std::string& settings, std::optional<uint64_t> given) {
+    Recorder out;
+    MergerOptions options;
+    options.seed = given;
+    Merger merger(options, &bow, &out);
+    Record start = flight.records().front();
+    std::get<SessionStarted>(start.body).settings_json = settings;
+    EXPECT_EQ(merger.Consume(start), "");
+    return merger.seed();
+  };
+  EXPECT_EQ(seed(R"({"seed": 7, "num_features": 1000})", std::nullopt), 7u);
+  EXPECT_EQ(seed(R"({"seed": 7})", 3), 3u);
+  for (const char* silent : {"{}", "", "[7]", "7", R"({"seed": "7"})", R"({"seed": -7})", R"({"seed": 7)"}) {
+    EXPECT_EQ(seed(silent, std::nullopt), 1u) << silent;
+  }
+}
+
+TEST(MergerDeterminism, OfSeveralFlightsTheSeedIsThatOfTheNewest) {
+  std::map<std::string, Session> sessions;
+  EXPECT_FALSE(SeedOfFlights(sessions));
+  sessions["b"].start_utime = 2000;
+  sessions["b"].info.settings_json = R"({"seed": 4})";
+  sessions["a"].start_utime = 3000;
+  sessions["a"].info.settings_json = R"({"seed": 5})";
+  EXPECT_EQ(SeedOfFlights(sessions), 5u);
+  sessions["b"].start_utime = 3000;
+  EXPECT_EQ(SeedOfFlights(sessions), 4u);
+}
+
+TEST(MergerDeterminism, ARefinementLeavesOutEvidenceWhoseKeyframeWasCulled) {
+  const SyntheticFlight flight = ThreeCrossingStrips();
+  BruteForceBow bow(flight.records());
+  Recorder out;
+  Merger merger({}, &bow, &out);
+  const auto num_agreeing = [&] {
+    long n = 0;
+    for (const Connection& c : merger.connections()) n += std::count(c.agrees.begin(), c.agrees.end(), true);
+    return n;
+  };
+  RecordHeader last;
+  for (const Record& r : flight.records()) {
+    ASSERT_EQ(merger.Consume(r), "");
+    last = r.header;
+    if (num_agreeing() >= 3) break;
+  }
+  const Connection connection = merger.connections().front();
+  ASSERT_EQ(connection.verdict, Connection::Verdict::kAccepted) << connection.reason;
+  ASSERT_FALSE(merger.sessions().at(connection.b.session).submaps.at(connection.b.submap).ended);
+  const size_t num_links = merger.MakeRefinement().links.size();
+  ASSERT_GE(num_links, 3u);
+
+  // The frontend culls the keyframe that the first of them rests on, in the submap that still grows.
+  const KeyframeId culled = connection.evidence.front().keyframe_b;
+  Record record;
+  record.header = {last.session, last.seq + 1, last.utime + 1};
+  record.body = MapUpdate{connection.b.submap, {}, {}, {}, {culled}, {}, {}};
+  ASSERT_EQ(merger.Consume(record), "");
+  const RefinementTask task = merger.MakeRefinement();
+  EXPECT_LT(task.links.size(), num_links);
+  EXPECT_GE(task.links.size(), 1u);
+  for (const RefinementTask::Link& link : task.links) {
+    EXPECT_TRUE(task.parts[link.submap_a].submap->keyframes.contains(link.keyframe_a));
+    EXPECT_TRUE(task.parts[link.submap_b].submap->keyframes.contains(link.keyframe_b));
+  }
+  EXPECT_TRUE(merger.TakeRefinement(RunRefinement(task, {})));
 }
 
 }  // namespace
