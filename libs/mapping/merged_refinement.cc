@@ -52,9 +52,9 @@ void AppendOverlaps(const MergedMap& map, const std::vector<OverlapRelation>& re
     edge.a = r.from;
     edge.b = r.to;
     edge.b_from_a = to.RootFromCam().Inverse() * r.to_from_from * from.RootFromCam();
-    edge.sigma_rotation = 0.005;
-    edge.sigma_translation = 0.01 * std::max(1e-9, MedianDepth(*map.submaps[to.submap].submap, *to.keyframe));
-    edge.sigma_scale = 0.01;
+    edge.sigma_rotation = 0.0015;  // the mean of many points
+    edge.sigma_translation = 0.003 * std::max(1e-9, MedianDepth(*map.submaps[to.submap].submap, *to.keyframe));
+    edge.sigma_scale = 0.003;
     edge.robust = true;
     edges->push_back(edge);
   }
@@ -151,26 +151,33 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
   }
   const int num_keyframes = static_cast<int>(map.keyframes.size());
   const bool is_large = num_keyframes > options.max_keyframes_without_overlaps;
-  if (is_large && summary.pose_graph.success) {
-    // The links hold the submaps together at a few places each; their overlaps do so all along, which straightens what
-    // bundle adjustment would need very many steps for.
+  const bool by_overlaps = is_large && summary.pose_graph.success;
+  const size_t num_links_and_tracked = edges.size();
+  const auto match = [&](double radius) {
     OverlapMatchingOptions matching = options.matching;
-    matching.radius = options.radii[0];
-    AppendOverlaps(map,
-                   MeasureOverlaps(map, options.overlap, matching, options.min_points_of_overlap, &searched), &edges);
+    matching.radius = radius;
+    return MatchOverlaps(map, options.overlap, matching, by_overlaps ? options.min_points_of_overlap : 0, &searched);
+  };
+  // The links hold the submaps together at a few places each; their overlaps do so all along, which straightens what
+  // bundle adjustment would need very many steps for.
+  const auto straighten = [&](const std::vector<OverlapRelation>& relations) {
+    edges.resize(num_links_and_tracked);
+    AppendOverlaps(map, relations, &edges);
     report(Format("pose graph of %zu keyframes and %zu relations, overlaps among them", map.keyframes.size(),
                   edges.size()));
     summary.pose_graph = SolvePoseGraph(edges, options.pose_graph, &map);
-  }
+  };
+  if (by_overlaps) straighten(match(options.radii[0]).relations);
 
   const bool by_windows = num_keyframes > options.max_keyframes_at_once;
   // With poses beyond the window fixed, further rounds move nothing.
   const size_t num_rounds = by_windows ? 1 : options.radii.size();
   for (size_t round = 0; round < num_rounds; ++round) {
-    OverlapMatchingOptions matching = options.matching;
-    matching.radius = options.radii[round];
     report(Format("fusion of duplicate points, round %zu of %zu", round + 1, num_rounds));
-    summary.fusions.push_back(FuseOverlaps(options.overlap, matching, &searched, &map));
+    OverlapFindings findings = match(options.radii[round]);
+    // Measured on a straighter map than the first time, overlaps say more.
+    if (by_overlaps && round == 0) straighten(findings.relations);
+    summary.fusions.push_back(FuseOverlaps(std::move(findings), &map));
     const FusionSummary& fusion = summary.fusions.back();
     report(Format("%d of %d overlapping pairs matched, %d points fused, %d observations added, %d conflicts",
                   fusion.num_matched_pairs, fusion.num_pairs, fusion.num_fused, fusion.num_added,

@@ -31,8 +31,8 @@ struct MergedRefinementOptions {
   // In the last round all points take part, which evens out the slow bending of long strips (0.73 m became 0.61 m on a
   // survey of 150 keyframes); in larger maps time forbids it.
   int max_keyframes_with_all_points = 400;
-  // Of larger maps the overlaps found are first taken into the pose graph: those of keyframes with so many points in
-  // common.
+  // Of larger maps the overlaps found are first taken into the pose graph, twice: those of keyframes with so many
+  // points in common.
   int max_keyframes_without_overlaps = 400;
   int min_points_of_overlap = 20;
   double large_trust_radius =

@@ -160,56 +160,47 @@ std::vector<OverlapMatch> MatchOverlappingPair(const MergedMap& map, int a, int 
   return matches;
 }
 
-std::vector<OverlapRelation> MeasureOverlaps(const MergedMap& map, const OverlapOptions& overlap,
-                                             const OverlapMatchingOptions& matching, int min_points,
-                                             SearchedKeyframes* searched) {
-  std::vector<OverlapRelation> relations;
+OverlapFindings MatchOverlaps(const MergedMap& map, const OverlapOptions& overlap,
+                              const OverlapMatchingOptions& matching, int min_points, SearchedKeyframes* searched) {
+  OverlapFindings findings;
   for (const OverlappingPair& pair : FindOverlappingPairs(map, overlap)) {
+    ++findings.num_pairs;
+    const std::vector<OverlapMatch> matches = MatchOverlappingPair(map, pair.a, pair.b, matching, searched);
+    findings.num_matched_pairs += !matches.empty();
     std::set<std::pair<int, int>> same;  // points that the one keyframe sees, and the other
-    for (const OverlapMatch& m : MatchOverlappingPair(map, pair.a, pair.b, matching, searched)) {
+    for (const OverlapMatch& m : matches) {
       const int other = map.point_of_feature[m.element.keyframe][m.element.feature];
-      if (other < 0 || other == m.point) continue;
+      if (other == m.point) continue;
+      if (other < 0) {
+        findings.seen.emplace_back(m.point, m.element);
+        continue;
+      }
+      findings.same.emplace_back(std::minmax(m.point, other));
       same.insert(m.element.keyframe == pair.b ? std::pair(m.point, other) : std::pair(other, m.point));
     }
-    if (static_cast<int>(same.size()) < min_points) continue;
+    if (min_points <= 0 || static_cast<int>(same.size()) < min_points) continue;
     std::vector<Eigen::Vector3d> from, to;
     for (const auto& [a, b] : same) {
       from.push_back(map.points[a].position);
       to.push_back(map.points[b].position);
     }
-    if (const auto fit = HornAlignment(from, to)) relations.push_back({pair.a, pair.b, *fit});
+    if (const auto fit = HornAlignment(from, to)) findings.relations.push_back({pair.a, pair.b, *fit});
   }
   searched->Close();
-  return relations;
+  return findings;
 }
 
-FusionSummary FuseOverlaps(const OverlapOptions& overlap, const OverlapMatchingOptions& matching,
-                           SearchedKeyframes* searched, MergedMap* map) {
+FusionSummary FuseOverlaps(OverlapFindings findings, MergedMap* map) {
   FusionSummary summary;
-  // Votes for the identity of two points, and for a new observation of one.
-  std::vector<std::pair<int, int>> same;
-  std::vector<std::pair<int, TrackElement>> seen;
-  for (const OverlappingPair& pair : FindOverlappingPairs(*map, overlap)) {
-    ++summary.num_pairs;
-    const std::vector<OverlapMatch> matches = MatchOverlappingPair(*map, pair.a, pair.b, matching, searched);
-    summary.num_matched_pairs += !matches.empty();
-    for (const OverlapMatch& m : matches) {
-      const int other = map->point_of_feature[m.element.keyframe][m.element.feature];
-      if (other == m.point) continue;
-      if (other >= 0)
-        same.emplace_back(std::minmax(m.point, other));
-      else
-        seen.emplace_back(m.point, m.element);
-    }
-  }
-  searched->Close();
+  summary.num_pairs = findings.num_pairs;
+  summary.num_matched_pairs = findings.num_matched_pairs;
   std::vector<int> now(map->points.size());  // where a point has gone
   for (size_t i = 0; i < now.size(); ++i) now[i] = static_cast<int>(i);
   const auto find = [&](int p) {
     while (now[p] != p) p = now[p] = now[now[p]];
     return p;
   };
-  for (const auto& [count, pair] : CountVotes(std::move(same))) {
+  for (const auto& [count, pair] : CountVotes(std::move(findings.same))) {
     const int a = find(pair.first), b = find(pair.second);
     if (a == b) continue;
     const int into = std::min(a, b), from = std::max(a, b);
@@ -220,7 +211,7 @@ FusionSummary FuseOverlaps(const OverlapOptions& overlap, const OverlapMatchingO
       ++summary.num_conflicts;
     }
   }
-  for (const auto& [count, key] : CountVotes(std::move(seen))) {
+  for (const auto& [count, key] : CountVotes(std::move(findings.seen))) {
     if (AddToTrack(find(key.first), key.second, map))
       ++summary.num_added;
     else

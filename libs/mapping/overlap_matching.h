@@ -1,5 +1,6 @@
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include "libs/mapping/merged_map.h"
@@ -55,11 +56,18 @@ struct OverlapRelation {
   Similarity3 to_from_from;
 };
 
-// Of all overlapping pairs in which at least min_points map points of the one are recognised as map points of the
-// other.
-std::vector<OverlapRelation> MeasureOverlaps(const MergedMap& map, const OverlapOptions& overlap,
-                                             const OverlapMatchingOptions& matching, int min_points,
-                                             SearchedKeyframes* searched);
+// What a look at all overlapping pairs of a merged map has found. It stays true when keyframes and points are moved.
+struct OverlapFindings {
+  int num_pairs = 0, num_matched_pairs = 0;
+  std::vector<std::pair<int, int>> same;           // two points that are one, lesser first; once per time it was seen
+  std::vector<std::pair<int, TrackElement>> seen;  // a point, and where it was recognised
+  // Of the pairs in which enough map points of the one are recognised as map points of the other.
+  std::vector<OverlapRelation> relations;
+};
+
+// min_points: of a relation; 0: none are measured.
+OverlapFindings MatchOverlaps(const MergedMap& map, const OverlapOptions& overlap,
+                              const OverlapMatchingOptions& matching, int min_points, SearchedKeyframes* searched);
 
 struct FusionSummary {
   int num_pairs = 0, num_matched_pairs = 0;
@@ -68,8 +76,7 @@ struct FusionSummary {
   int num_conflicts = 0;  // refused: a keyframe would see one point twice
 };
 
-// All of it: pairs, matches, then fusion, most often confirmed identities first.
-FusionSummary FuseOverlaps(const OverlapOptions& overlap, const OverlapMatchingOptions& matching,
-                           SearchedKeyframes* searched, MergedMap* map);
+// Fuses what was found, most often confirmed identities first.
+FusionSummary FuseOverlaps(OverlapFindings findings, MergedMap* map);
 
 }  // namespace mapmend

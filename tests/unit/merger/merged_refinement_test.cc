@@ -123,6 +123,10 @@ TEST(MergedRefinement, ALargeMapIsStraightenedByItsOverlapsAndAdjustedAtItsSeams
                                                         [&](const std::string& what) { told.push_back(what); });
   ASSERT_TRUE(result.summary.success) << result.summary.reason;
   EXPECT_EQ(result.summary.bundles.size(), 1u);
+  // The overlaps are measured again on the map that they have straightened.
+  EXPECT_EQ(std::count_if(told.begin(), told.end(),
+                          [](const auto& t) { return t.find("overlaps among them") != std::string::npos; }),
+            2);
   EXPECT_GE(std::count_if(told.begin(), told.end(),
                           [](const auto& t) { return t.find("at the seams") != std::string::npos; }),
             2);
@@ -154,14 +158,15 @@ TEST(SearchedKeyframes, AreReadAFewAtATimeAndTheSameIsFound) {
   const auto survey = MakeDriftingSurvey();
   MergedMap direct = MakeMergedMap(survey->views, survey->tree), read = direct;
   SearchedKeyframes in_memory(direct);
-  const FusionSummary expected = FuseOverlaps({}, {16}, &in_memory, &direct);
+  const FusionSummary expected = FuseOverlaps(MatchOverlaps(direct, {}, {16}, 0, &in_memory), &direct);
   ASSERT_GT(expected.num_fused, 100);
   const int num_keyframes = static_cast<int>(read.keyframes.size());
   for (const int capacity : {2, num_keyframes}) {
     Counts counts;
     MergedMap map = read;
-    SearchedKeyframes searched(map, [&] { return std::make_unique<Source>(&counts); }, capacity);
-    EXPECT_EQ(FuseOverlaps({}, {16}, &searched, &map).num_fused, expected.num_fused);
+    SearchedKeyframes searched(
+        map, [&] { return std::make_unique<Source>(&counts); }, capacity);
+    EXPECT_EQ(FuseOverlaps(MatchOverlaps(map, {}, {16}, 0, &searched), &map).num_fused, expected.num_fused);
     EXPECT_EQ(counts.num_open, 0);
     if (capacity == num_keyframes) {
       EXPECT_LE(counts.num_read, num_keyframes);
@@ -184,7 +189,7 @@ TEST(SeamWindows, HoldTheKeyframesThatSeeFusedPointsEachOnce) {
   MergedMap map = MakeMergedMap(survey->views, survey->tree);
   EXPECT_TRUE(ChooseSeamWindows(map, {}).empty());  // nothing is fused yet
   SearchedKeyframes searched(map);
-  FuseOverlaps({}, {16}, &searched, &map);
+  FuseOverlaps(MatchOverlaps(map, {}, {16}, 0, &searched), &map);
   std::set<int> at_seam;
   for (const MergedPoint& p : map.points) {
     for (const TrackElement& e : p.track) {
