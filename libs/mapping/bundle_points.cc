@@ -55,9 +55,9 @@ PointSystem Linearize(const BundleProblem& problem, const std::vector<Eigen::Mat
 
 }  // namespace
 
-std::vector<uint8_t> ChooseBundlePoints(const BundleProblem& problem, int per_pose) {
+std::vector<uint8_t> ChooseBundlePoints(const BundleProblem& problem, const ObservationsByPoint& by_point,
+                                        int per_pose) {
   const int per_cell = (per_pose + kColumns * kRows - 1) / (kColumns * kRows);
-  const ObservationsByPoint by_point(problem);
   std::vector<int> order(problem.points.size());
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(),

@@ -10,10 +10,6 @@
 // others follow.
 namespace mapmend {
 
-// Marks with 1 the points that should determine the poses: those with most observations first (ties: the lower index),
-// until in each image of a free pose every cell that has any holds its share of per_pose.
-std::vector<uint8_t> ChooseBundlePoints(const BundleProblem& problem, int per_pose);
-
 // Observations of the problem by their points: those of point i are observations[first[i]] to [first[i + 1]], by index.
 struct ObservationsByPoint {
   explicit ObservationsByPoint(const BundleProblem& problem);
@@ -23,6 +19,11 @@ struct ObservationsByPoint {
 
   std::vector<int> first, indices;
 };
+
+// Marks with 1 the points that should determine the poses: those with most observations first (ties: the lower index),
+// until in each image of a free pose every cell that has any holds its share of per_pose.
+std::vector<uint8_t> ChooseBundlePoints(const BundleProblem& problem, const ObservationsByPoint& by_point,
+                                        int per_pose);
 
 // Moves a point to where the poses see it (robust, Gauss-Newton with decrease checked); leaves it where it is if no
 // step helps. rotations: of the poses. observations: indices of the point's.

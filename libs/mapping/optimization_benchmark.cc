@@ -6,6 +6,7 @@
 
 #include <random>
 
+#include "libs/mapping/bundle_adjuster.h"
 #include "libs/mapping/bundle_adjustment.h"
 #include "libs/mapping/pose_optimization.h"
 
@@ -57,56 +58,109 @@ void PoseOptimization(benchmark::State& state) {
   state.counters["error"] = 1000 / kHeight * (result.cam_from_world.Center() - truth.Center()).norm();
 }
 
-// Arguments: keyframes, points per keyframe, how many of them determine its pose (0: all). A third of the keyframes is
-// fixed, as the rim of the local window is.
-void LocalBundleAdjustment(benchmark::State& state) {
+// A flight along x, straight ahead over the ground, as it is and as it is known before bundle adjustment.
+struct Strip {
+  std::vector<Rigid3> truth;  // of the poses
+  BundleProblem start;        // all poses free
+};
+
+Strip MakeStrip(int num_keyframes, int num_exact, int64_t points_per_keyframe) {
   std::mt19937_64 rng(1);
-  const int num_keyframes = static_cast<int>(state.range(0));
-  std::vector<Rigid3> truth;
-  BundleProblem start;
-  start.cameras = {kCamera};
+  Strip strip;
+  strip.start.cameras = {kCamera};
   for (int i = 0; i < num_keyframes; ++i) {
     // x right, y down in the image; the camera looks along +z, the ground is at z = kHeight.
-    truth.push_back(Rigid3(Eigen::Quaterniond::Identity(), {-kStep * i, 0, 0}));
-    const bool fixed = i < num_keyframes / 3;
-    start.poses.push_back({fixed ? truth.back() : Perturbed(truth.back(), 0.3, 0.05, &rng), fixed, 0});
+    strip.truth.push_back(Rigid3(Eigen::Quaterniond::Identity(), {-kStep * i, 0, 0}));
+    const Rigid3& truth = strip.truth.back();
+    strip.start.poses.push_back({i < num_exact ? truth : Perturbed(truth, 0.3, 0.05, &rng), false, 0});
   }
   const double length = kStep * num_keyframes + 800.0 / kCamera.fx * kHeight;
   const auto num_points =
-      static_cast<int>(static_cast<double>(state.range(1)) * length / (800.0 / kCamera.fx * kHeight));
-  std::vector<Eigen::Vector3d> points;
+      static_cast<int>(static_cast<double>(points_per_keyframe) * length / (800.0 / kCamera.fx * kHeight));
   for (int p = 0; p < num_points; ++p) {
     const double x = Uniform(&rng, -8, length - 8), y = Uniform(&rng, -6, 6);
     const Eigen::Vector3d point(x, y, kHeight + 0.5 * std::sin(x) * std::cos(y));
     std::vector<BundleObservation> seen;
     for (int i = 0; i < num_keyframes; ++i) {
       Eigen::Vector2d pixel;
-      if (!IsVisible(truth[i] * point, &pixel) || Uniform(&rng, 0, 1) < 0.3) continue;
+      if (!IsVisible(strip.truth[i] * point, &pixel) || Uniform(&rng, 0, 1) < 0.3) continue;
       pixel += Eigen::Vector2d(Uniform(&rng, -1.5, 1.5), Uniform(&rng, -1.5, 1.5));
-      seen.push_back({i, static_cast<int>(points.size()), pixel, 1.0});
+      seen.push_back({i, static_cast<int>(strip.start.points.size()), pixel, 1.0});
     }
     if (seen.size() < 2) continue;
-    start.observations.insert(start.observations.end(), seen.begin(), seen.end());
-    points.push_back(point);
-    start.points.push_back(point + Noise(&rng, 0.1));
+    strip.start.observations.insert(strip.start.observations.end(), seen.begin(), seen.end());
+    strip.start.points.push_back(point + Noise(&rng, 0.1));
   }
+  return strip;
+}
+
+// Arguments: keyframes, points per keyframe, how many of them determine its pose (0: all). A third of the keyframes is
+// fixed, as the rim of the local window is.
+void LocalBundleAdjustment(benchmark::State& state) {
+  const int num_keyframes = static_cast<int>(state.range(0));
+  Strip strip = MakeStrip(num_keyframes, num_keyframes / 3, state.range(1));
+  for (int i = 0; i < num_keyframes / 3; ++i) strip.start.poses[i].fixed = true;
   BundleOptions options;
   options.points_per_pose = static_cast<int>(state.range(2));
   BundleProblem problem;
   BundleSummary summary;
   for (auto _ : state) {
-    problem = start;
+    problem = strip.start;
     summary = AdjustBundle(options, &problem);
   }
   if (!summary.success) state.SkipWithError("no solution");
   double squares = 0;
   for (int i = 0; i < num_keyframes; ++i) {
-    squares += (problem.poses[i].cam_from_world.Center() - truth[i].Center()).squaredNorm();
+    squares += (problem.poses[i].cam_from_world.Center() - strip.truth[i].Center()).squaredNorm();
   }
-  state.counters["points"] = static_cast<double>(points.size());
-  state.counters["observations"] = static_cast<double>(start.observations.size());
+  state.counters["points"] = static_cast<double>(strip.start.points.size());
+  state.counters["observations"] = static_cast<double>(strip.start.observations.size());
   state.counters["iterations"] = summary.iterations;
   state.counters["error"] = 1000 / kHeight * std::sqrt(squares / num_keyframes);
+}
+
+// Arguments: as above, and whether one adjuster serves all windows. The window moves on by one keyframe each time, at
+// the end of the strip it starts again; the time is that of one window.
+void MovingWindow(benchmark::State& state) {
+  constexpr int kStripLength = 60;
+  const int num_keyframes = static_cast<int>(state.range(0));
+  const Strip strip = MakeStrip(kStripLength, 0, state.range(1));
+  struct Window {
+    BundleProblem problem;
+    std::vector<int> points;
+  };
+  std::vector<Window> windows;
+  for (int first = 0; first + num_keyframes <= kStripLength; ++first) {
+    Window window;
+    window.problem.cameras = strip.start.cameras;
+    for (int i = 0; i < num_keyframes; ++i) {
+      const bool fixed = i < num_keyframes / 3;
+      window.problem.poses.push_back(
+          {fixed ? strip.truth[first + i] : strip.start.poses[first + i].cam_from_world, fixed, 0});
+    }
+    for (const BundleObservation& o : strip.start.observations) {
+      if (o.pose < first || o.pose >= first + num_keyframes) continue;
+      if (window.points.empty() || window.points.back() != o.point) {
+        window.points.push_back(o.point);
+        window.problem.points.push_back(strip.start.points[o.point]);
+      }
+      const int point = static_cast<int>(window.points.size()) - 1;
+      window.problem.observations.push_back({o.pose - first, point, o.pixel, o.sigma});
+    }
+    windows.push_back(std::move(window));
+  }
+  BundleOptions options;
+  options.max_iterations = 5;
+  options.points_per_pose = static_cast<int>(state.range(2));
+  BundleAdjuster adjuster;
+  size_t next = 0;
+  for (auto _ : state) {
+    BundleProblem problem = windows[next].problem;
+    const bool success =
+        (state.range(3) != 0 ? adjuster.Adjust(options, &problem) : AdjustBundle(options, &problem)).success;
+    if (!success) state.SkipWithError("no solution");
+    next = (next + 1) % windows.size();
+  }
 }
 
 BENCHMARK(PoseOptimization)
@@ -116,6 +170,10 @@ BENCHMARK(PoseOptimization)
 BENCHMARK(LocalBundleAdjustment)
     ->ArgNames({"keyframes", "points", "chosen"})
     ->ArgsProduct({{10, 20}, {300, 600}, {0, 150}})
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK(MovingWindow)
+    ->ArgNames({"keyframes", "points", "chosen", "keep"})
+    ->ArgsProduct({{20, 32}, {600}, {0, 150}, {0, 1}})
     ->Unit(benchmark::kMillisecond);
 
 }  // namespace

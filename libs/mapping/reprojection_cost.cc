@@ -48,6 +48,11 @@ SteppedPoses::SteppedPoses(const std::vector<Rigid3>& starts) : poses_(starts.si
   PrepareForEvaluation(true, true);
 }
 
+void SteppedPoses::SetStart(size_t i, const Rigid3& start) {
+  poses_[i].start = start;
+  poses_[i].step.setZero();
+}
+
 void SteppedPoses::PrepareForEvaluation(bool, bool new_evaluation_point) {
   if (!new_evaluation_point) return;
   for (Pose& pose : poses_) {
@@ -60,20 +65,20 @@ void SteppedPoses::PrepareForEvaluation(bool, bool new_evaluation_point) {
 
 bool ReprojectionCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
   const Eigen::Map<const Eigen::Vector3d> point(parameters[1]);
-  const Eigen::Vector3d rotated = pose_.rotation * point;
-  const Eigen::Vector3d x = rotated + pose_.translation;
+  const Eigen::Vector3d rotated = pose_->rotation * point;
+  const Eigen::Vector3d x = rotated + pose_->translation;
   Eigen::Map<Eigen::Vector2d> r(residuals);
   const bool behind = x.z() < kMinDepth;
   if (behind) {
     r.setConstant(kResidualBehindCamera);
   } else {
-    r = (camera_.Project(x) - pixel_) * inverse_sigma_;
+    r = (camera_->Project(x) - pixel_) * inverse_sigma_;
   }
   if (jacobians == nullptr) return true;
   using PoseJacobian = Eigen::Matrix<double, 2, 6, Eigen::RowMajor>;
   using PointJacobian = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
   Eigen::Matrix<double, 2, 3> projection = Eigen::Matrix<double, 2, 3>::Zero();
-  if (!behind) projection = ProjectionJacobian(camera_, x) * inverse_sigma_;
+  if (!behind) projection = ProjectionJacobian(*camera_, x) * inverse_sigma_;
   if (jacobians[0] != nullptr) {
     Eigen::Map<PoseJacobian> j(jacobians[0]);
     j.leftCols<3>() = projection;
@@ -81,10 +86,10 @@ bool ReprojectionCost::Evaluate(double const* const* parameters, double* residua
     Eigen::Matrix<double, 2, 3> turned;
     turned.row(0) = rotated.cross(projection.row(0).transpose()).transpose();
     turned.row(1) = rotated.cross(projection.row(1).transpose()).transpose();
-    j.rightCols<3>().noalias() = turned.lazyProduct(pose_.left_jacobian);
+    j.rightCols<3>().noalias() = turned.lazyProduct(pose_->left_jacobian);
   }
   if (jacobians[1] != nullptr)
-    Eigen::Map<PointJacobian>{jacobians[1]}.noalias() = projection.lazyProduct(pose_.rotation);
+    Eigen::Map<PointJacobian>{jacobians[1]}.noalias() = projection.lazyProduct(pose_->rotation);
   return true;
 }
 

@@ -33,7 +33,11 @@ class SteppedPoses : public ceres::EvaluationCallback {
     Eigen::Matrix3d left_jacobian;  // d exp(dw + e) = exp(left_jacobian e) exp(dw)
   };
 
+  explicit SteppedPoses(size_t count) : poses_(count) {}
   explicit SteppedPoses(const std::vector<Rigid3>& starts);
+  size_t Size() const { return poses_.size(); }
+  // A start with no step; to be prepared for evaluation.
+  void SetStart(size_t i, const Rigid3& start);
   double* Step(size_t i) { return poses_[i].step.data(); }
   const Pose& At(size_t i) const { return poses_[i]; }
   Rigid3 Result(size_t i) const { return Moved(poses_[i].start, poses_[i].step); }
@@ -48,13 +52,18 @@ class SteppedPoses : public ceres::EvaluationCallback {
 // Behind the camera (z < 1e-6 of a unit) the residual is constant and has no gradient.
 class ReprojectionCost : public ceres::SizedCostFunction<2, 6, 3> {
  public:
+  // camera and pose must outlive it.
   ReprojectionCost(const Pinhole& camera, const SteppedPoses::Pose& pose, const Eigen::Vector2d& pixel, double sigma)
-      : camera_(camera), pose_(pose), pixel_(pixel), inverse_sigma_(1.0 / sigma) {}
+      : camera_(&camera), pose_(&pose), pixel_(pixel), inverse_sigma_(1.0 / sigma) {}
+  // Makes it the cost of another observation.
+  void Set(const Pinhole& camera, const SteppedPoses::Pose& pose, const Eigen::Vector2d& pixel, double sigma) {
+    camera_ = &camera, pose_ = &pose, pixel_ = pixel, inverse_sigma_ = 1.0 / sigma;
+  }
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
 
  private:
-  const Pinhole& camera_;
-  const SteppedPoses::Pose& pose_;
+  const Pinhole* camera_;
+  const SteppedPoses::Pose* pose_;
   Eigen::Vector2d pixel_;
   double inverse_sigma_;
 };

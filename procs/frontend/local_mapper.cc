@@ -37,7 +37,7 @@ class SegmentTest {
 
 }  // namespace
 
-void LocalMapper::Process(int keyframe, WorkingMap* map, MapLock* lock) const {
+void LocalMapper::Process(int keyframe, WorkingMap* map, MapLock* lock) {
   CullRecentPoints(keyframe, map);
   for (const int p : map->PointsOf(keyframe)) map->RefreshPoint(p);
   std::vector<int> neighbours;
@@ -337,7 +337,7 @@ void LocalMapper::FuseWithOverlapping(int keyframe, const std::vector<int>& neig
   }
 }
 
-void LocalMapper::AdjustLocal(int keyframe, WorkingMap* map, MapLock* lock) const {
+void LocalMapper::AdjustLocal(int keyframe, WorkingMap* map, MapLock* lock) {
   const StageTimer timer("map/bundle");
   std::vector<int> free = {keyframe};
   for (const Covisible& c : map->CovisibleKeyframes(keyframe, options_.min_covisible)) {
@@ -367,7 +367,7 @@ void LocalMapper::AdjustLocal(int keyframe, WorkingMap* map, MapLock* lock) cons
   Adjust(free, fixed, options_.bundle_iterations, map, lock);
 }
 
-void LocalMapper::AdjustAll(WorkingMap* map) const {
+void LocalMapper::AdjustAll(WorkingMap* map) {
   std::vector<int> free, fixed;
   for (int k = 0; k <= map->LastKeyframe(); ++k) {
     (fixed.empty() ? fixed : free).push_back(k);
@@ -376,7 +376,7 @@ void LocalMapper::AdjustAll(WorkingMap* map) const {
 }
 
 void LocalMapper::Adjust(const std::vector<int>& free_keyframes, const std::vector<int>& fixed_keyframes,
-                         int iterations, WorkingMap* map, MapLock* lock) const {
+                         int iterations, WorkingMap* map, MapLock* lock) {
   BundleProblem problem;
   problem.cameras = {camera_};
   std::vector<int> pose_of(map->Keyframes().size(), -1), keyframe_of;
@@ -415,7 +415,7 @@ void LocalMapper::Adjust(const std::vector<int>& free_keyframes, const std::vect
   bundle_options.max_iterations = iterations;
   bundle_options.points_per_pose = options_.bundle_points;
   if (lock != nullptr) lock->unlock();
-  const bool success = AdjustBundle(bundle_options, &problem).success;
+  const bool success = bundle_.Adjust(bundle_options, &problem).success;
   if (lock != nullptr) lock->lock();
   if (!success) return;
   for (size_t i = 0; i < problem.poses.size(); ++i) {

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "libs/geometry/camera.h"
+#include "libs/mapping/bundle_adjuster.h"
 #include "procs/frontend/map_lock.h"
 #include "procs/frontend/working_map.h"
 
@@ -35,9 +36,9 @@ class LocalMapper {
 
   // lock: given back between steps and while bundle adjustment computes; meanwhile keyframes may join the map, nothing
   // may leave it. Null: nobody else uses the map.
-  void Process(int keyframe, WorkingMap* map, MapLock* lock = nullptr) const;
+  void Process(int keyframe, WorkingMap* map, MapLock* lock = nullptr);
   // Bundle adjustment of all keyframes, for a submap that has just begun.
-  void AdjustAll(WorkingMap* map) const;
+  void AdjustAll(WorkingMap* map);
 
  private:
   void CullRecentPoints(int keyframe, WorkingMap* map) const;
@@ -52,12 +53,13 @@ class LocalMapper {
   void FuseNeighbourhood(int keyframe, const std::vector<int>& neighbours, WorkingMap* map, MapLock* lock) const;
   void FuseWithOverlapping(int keyframe, const std::vector<int>& neighbours, WorkingMap* map) const;
   void Adjust(const std::vector<int>& free_keyframes, const std::vector<int>& fixed_keyframes, int iterations,
-              WorkingMap* map, MapLock* lock) const;
-  void AdjustLocal(int keyframe, WorkingMap* map, MapLock* lock) const;
+              WorkingMap* map, MapLock* lock);
+  void AdjustLocal(int keyframe, WorkingMap* map, MapLock* lock);
 
   LocalMapperOptions options_;
   Pinhole camera_;
   Pyramid pyramid_;
+  BundleAdjuster bundle_;
 };
 
 }  // namespace mapmend

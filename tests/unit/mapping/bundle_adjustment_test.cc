@@ -130,7 +130,7 @@ TEST(BundleAdjustment, ByAPartOfThePointsMovesTheOthersToo) {
   options.max_iterations = 50;
   options.function_tolerance = 1e-12;
   options.points_per_pose = 48;
-  const std::vector<uint8_t> chosen = ChooseBundlePoints(problem, options.points_per_pose);
+  const std::vector<uint8_t> chosen = ChooseBundlePoints(problem, ObservationsByPoint(problem), options.points_per_pose);
   EXPECT_LT(std::accumulate(chosen.begin(), chosen.end(), 0), 200);
   ASSERT_TRUE(AdjustBundle(options, &problem).success);
   for (size_t i = 0; i < truth.poses.size(); ++i) {
@@ -149,7 +149,7 @@ TEST(BundleAdjustment, ByAPartOfThePointsMovesTheOthersToo) {
 TEST(BundlePoints, EveryPartOfAnImageHasItsShare) {
   std::mt19937_64 rng(4);
   const BundleProblem problem = ExactStrip(&rng);
-  const std::vector<uint8_t> chosen = ChooseBundlePoints(problem, 48);  // one for each cell of 100 x 100 pixels
+  const std::vector<uint8_t> chosen = ChooseBundlePoints(problem, ObservationsByPoint(problem), 48);  // one for each cell of 100 x 100 pixels
   std::set<std::tuple<int, int, int>> all, held;
   for (const BundleObservation& o : problem.observations) {
     if (problem.poses[o.pose].fixed) continue;
@@ -168,7 +168,7 @@ TEST(BundlePoints, LongTracksComeFirst) {
   // Both points in one cell of each image; the second is seen once more.
   problem.observations = {
       {0, 0, {10, 10}, 1}, {1, 0, {10, 10}, 1}, {0, 1, {20, 20}, 1}, {1, 1, {20, 20}, 1}, {2, 1, {20, 20}, 1}};
-  EXPECT_EQ(ChooseBundlePoints(problem, 1), (std::vector<uint8_t>{0, 1}));
+  EXPECT_EQ(ChooseBundlePoints(problem, ObservationsByPoint(problem), 1), (std::vector<uint8_t>{0, 1}));
 }
 
 TEST(BundlePoints, APointMovesToWhereItIsSeenAndNotBehindACamera) {
