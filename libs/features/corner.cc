@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <tuple>
+#include <cstddef>
+#include <limits>
 
 namespace mapmend {
 namespace {
@@ -120,14 +121,21 @@ std::vector<Corner> Preselect(std::vector<Corner> corners, int width, int height
   const int side =
       std::max(8, static_cast<int>(std::sqrt(static_cast<double>(width) * height / std::max(1, num_wanted))));
   const int columns = width / side + 1, rows = height / side + 1;
-  // Counting sort by square.
+  // Counting sort by square. What is sorted are numbers in the order of preference: score, then reading order.
   std::vector<int> first(static_cast<size_t>(columns) * rows + 1, 0);
-  const auto square = [&](const Corner& c) { return c.y / side * columns + c.x / side; };
+  std::vector<int> column_of(width), row_of(height);
+  for (int x = 0; x < width; ++x) column_of[x] = x / side;
+  for (int y = 0; y < height; ++y) row_of[y] = y / side * columns;
+  const auto square = [&](const Corner& c) { return row_of[c.y] + column_of[c.x]; };
   for (const Corner& c : corners) ++first[square(c) + 1];
   for (size_t i = 1; i < first.size(); ++i) first[i] += first[i - 1];
-  std::vector<Corner> sorted(corners.size());
+  std::vector<uint64_t> sorted(corners.size());
   std::vector<int> at(first.begin(), first.end() - 1);
-  for (const Corner& c : corners) sorted[at[square(c)]++] = c;
+  constexpr uint64_t kMaxScore = std::numeric_limits<int16_t>::max();
+  for (const Corner& c : corners) {
+    sorted[at[square(c)]++] = ((kMaxScore - static_cast<uint64_t>(c.score)) << 32) |
+                              (static_cast<uint64_t>(c.y) << 16) | static_cast<uint64_t>(c.x);
+  }
 
   const auto kept_at = [&](int limit) {
     size_t kept = 0;
@@ -138,13 +146,11 @@ std::vector<Corner> Preselect(std::vector<Corner> corners, int width, int height
   corners.clear();
   for (size_t i = 0; i + 1 < first.size(); ++i) {
     const auto begin = sorted.begin() + first[i], end = sorted.begin() + first[i + 1];
-    if (end - begin > per_square) {
-      std::nth_element(begin, begin + per_square, end, [](const Corner& a, const Corner& b) {
-        return std::tuple(-a.score, a.y, a.x) < std::tuple(-b.score, b.y, b.x);
-      });
-      corners.insert(corners.end(), begin, begin + per_square);
-    } else {
-      corners.insert(corners.end(), begin, end);
+    const auto limit = begin + std::min<std::ptrdiff_t>(per_square, end - begin);
+    if (limit != end) std::nth_element(begin, limit, end);
+    for (auto key = begin; key != limit; ++key) {
+      corners.push_back({static_cast<int16_t>(*key & 0xffff), static_cast<int16_t>((*key >> 16) & 0xffff),
+                         static_cast<int16_t>(kMaxScore - (*key >> 32))});
     }
   }
   return corners;

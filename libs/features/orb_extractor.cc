@@ -1,7 +1,6 @@
 #include "libs/features/orb_extractor.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstring>
 #include <mutex>
@@ -21,6 +20,8 @@ namespace {
 // further, for which levels are padded by reflection.
 constexpr int kBorder = PatchKernels::kBlurRadius;
 constexpr int kPadding = 4;
+constexpr int kTensorRadius = 4;  // pixels that the strength of a corner needs
+constexpr size_t kAhead = 6;      // corners whose pixels are on their way while one is measured
 
 void CheckRange(const char* name, double value, double low, double high) {
   if (!(value >= low && value <= high)) {
@@ -38,6 +39,14 @@ struct Level {
 
   cv::Mat Image() const { return cv::Mat(height, width, CV_8UC1, data, static_cast<size_t>(stride)); }
   const uint8_t* At(const Corner& c) const { return data + c.y * stride + c.x; }
+  // Fetches the square around a corner into the cache: one corner after the other is looked at all over the level.
+  void Prefetch(const Corner& c, int radius) const {
+    const uint8_t *left = At(c) - radius * stride - radius, *right = left + 2 * radius;
+    for (int y = -radius; y <= radius; ++y, left += stride, right += stride) {
+      __builtin_prefetch(left);
+      __builtin_prefetch(right);
+    }
+  }
 };
 
 // Memory of one extraction, kept for the next.
@@ -45,15 +54,6 @@ struct Workspace {
   std::vector<uint8_t> pixels;
   std::vector<Level> levels;
 };
-
-// Of the bytes of a word in the order of memory, the first that is not 0; word is not 0.
-int FirstByte(uint64_t word) {
-  return (std::endian::native == std::endian::little ? std::countr_zero(word) : std::countl_zero(word)) / 8;
-}
-
-uint64_t ByteMask(int byte) {
-  return uint64_t{255} << 8 * (std::endian::native == std::endian::little ? byte : 7 - byte);
-}
 
 void Pad(const Level& level) {
   for (int y = 0; y < level.height; ++y) {
@@ -104,9 +104,12 @@ void BuildPyramid(const cv::Mat& image, const OrbOptions& options, Workspace* wo
 // Scores of three rows at a time, in which maxima are sought.
 struct ScoreRows {
   explicit ScoreRows(int width)
-      : row_bytes(static_cast<size_t>(width + 2 * PatchKernels::kReadAhead)), bytes(4 * row_bytes, 0) {}
+      : row_bytes(static_cast<size_t>(width + 2 * PatchKernels::kReadAhead)),
+        bytes(3 * row_bytes, 0),
+        maxima(static_cast<size_t>(width)) {}
   size_t row_bytes;
   std::vector<uint8_t> bytes;
+  std::vector<int16_t> maxima;  // of one row
 };
 
 // Calls found(x, y, score) for the local maxima of the FAST scores above threshold with begin_x <= x < end_x and
@@ -115,8 +118,7 @@ struct ScoreRows {
 template <typename Found, typename RowDone>
 void FindMaxima(const Level& level, const PatchKernels& kernels, int threshold, int begin_x, int end_x, int begin_y,
                 int end_y, ScoreRows* rows, const Found& found, const RowDone& row_done) {
-  uint8_t *above = rows->bytes.data(), *row = above + rows->row_bytes, *below = row + rows->row_bytes,
-          *mask = below + rows->row_bytes;
+  uint8_t *above = rows->bytes.data(), *row = above + rows->row_bytes, *below = row + rows->row_bytes;
   const auto score = [&](int y, uint8_t* scores) {
     return kernels.fast_row(level.data + y * level.stride, level.stride, begin_x - 1, end_x + 1,
                             static_cast<uint8_t>(threshold), scores);
@@ -126,16 +128,8 @@ void FindMaxima(const Level& level, const PatchKernels& kernels, int threshold, 
   for (int y = begin_y; y < end_y; ++y) {
     const bool any_below = score(y + 1, below);
     if (any_row) {
-      kernels.maxima_row(above, row, below, begin_x, end_x, mask);
-      for (int x = begin_x; x < end_x; x += 8) {
-        uint64_t eight;
-        std::memcpy(&eight, mask + x, sizeof(eight));
-        while (eight != 0) {
-          const int byte = FirstByte(eight);
-          eight &= ~ByteMask(byte);
-          if (x + byte < end_x) found(x + byte, y, row[x + byte]);
-        }
-      }
+      const int count = kernels.maxima_row(above, row, below, begin_x, end_x, rows->maxima.data());
+      for (int i = 0; i < count; ++i) found(rows->maxima[i], y, row[rows->maxima[i]]);
     }
     row_done(y);
     uint8_t* free = above;
@@ -246,11 +240,18 @@ RawFeatures OrbExtractor::Extract(const cv::Mat& grey8) const {
     if (wanted[i] == 0) continue;
     const Level& level = levels[i];
     std::vector<Corner> candidates = Preselect(std::move(corners[i]), level.width, level.height, wanted[i]);
-    for (Corner& c : candidates) c.strength = HarrisStrength(kernels.tensor(level.At(c), level.stride));
+    for (size_t j = 0; j < candidates.size(); ++j) {
+      if (j + kAhead < candidates.size()) level.Prefetch(candidates[j + kAhead], kTensorRadius);
+      Corner& c = candidates[j];
+      c.strength = HarrisStrength(kernels.tensor(level.At(c), level.stride));
+    }
     // Resizing maps pixel areas onto each other: the sizes of the levels are rounded, so use their true ratio.
     const Eigen::Vector2f half(0.5f, 0.5f), scale(static_cast<float>(grey8.cols) / static_cast<float>(level.width),
                                                   static_cast<float>(grey8.rows) / static_cast<float>(level.height));
-    for (const Corner& c : SelectSpread(candidates, wanted[i], options_.corners_per_node)) {
+    const std::vector<Corner> selected = SelectSpread(candidates, wanted[i], options_.corners_per_node);
+    for (size_t j = 0; j < selected.size(); ++j) {
+      if (j + 1 < selected.size()) level.Prefetch(selected[j + 1], PatchKernels::kBlurRadius);
+      const Corner& c = selected[j];
       const uint8_t* center = level.At(c);
       int m10 = 0, m01 = 0;
       kernels.moments(center, level.stride, &m10, &m01);

@@ -1,6 +1,10 @@
 #include "libs/features/patch_kernels.h"
 
+#include <bit>
 #include <cstring>
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 
 namespace mapmend {
 namespace {

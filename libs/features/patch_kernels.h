@@ -19,9 +19,9 @@ struct PatchKernels {
   // kReadAhead bytes of zeros or scores beyond end. Returns whether there is any.
   bool (*fast_row)(const uint8_t* row, ptrdiff_t stride, int begin, int end, uint8_t threshold, uint8_t* scores);
 
-  // Marks with 255 the pixels of [begin, end) whose score is above 0 and a maximum of its 3x3 neighbourhood (of equal
-  // neighbours the first in reading order), else 0.
-  void (*maxima_row)(const uint8_t* above, const uint8_t* row, const uint8_t* below, int begin, int end, uint8_t* mask);
+  // Finds the pixels of [begin, end) whose score is above 0 and a maximum of its 3x3 neighbourhood (of equal neighbours
+  // the first in reading order). Writes their x to found, ascending, and returns how many they are.
+  int (*maxima_row)(const uint8_t* above, const uint8_t* row, const uint8_t* below, int begin, int end, int16_t* found);
 
   // 7x7 Gaussian, sigma 2, of the patch around center; reads 22 pixels around it. Pixel (x, y) of the result is
   // out[(y + 19) * 48 + x + 19].
