@@ -25,6 +25,7 @@ class SyntheticScene {
   FramePtr View(const Rigid3& cam_from_world, int index, double noise_px = 0.3, int flipped_bits = 12) {
     auto frame = std::make_shared<Frame>();
     frame->index = index;
+    shown_[index].clear();
     frame->utime = 1000000 * static_cast<int64_t>(index);
     frame->mean_brightness = 120;
     frame->sharpness = 10;
@@ -41,6 +42,7 @@ class SyntheticScene {
       keypoint.angle = static_cast<float>(std::atan2(north.y(), north.x()));
       Descriptor descriptor = descriptors_[i];
       for (int b = 0; b < flipped_bits; ++b) descriptor[random_.Below(4)] ^= uint64_t{1} << random_.Below(64);
+      shown_[index].push_back(static_cast<int>(i));
       frame->features.keypoints.push_back(keypoint);
       frame->features.descriptors.push_back(descriptor);
       frame->features.colors.push_back({100, 100, 100});
@@ -51,6 +53,12 @@ class SyntheticScene {
   }
 
   const Pinhole& Camera() const { return camera_; }
+  // The points that the last view with this index shows, one for each feature.
+  std::vector<Eigen::Vector3d> Shown(int index) const {
+    std::vector<Eigen::Vector3d> points;
+    for (const int i : shown_.at(index)) points.push_back(points_[i]);
+    return points;
+  }
 
  private:
   double Gauss() {  // sum of uniforms: near enough, and the same everywhere
@@ -63,6 +71,7 @@ class SyntheticScene {
   Pinhole camera_{480, 480, 400, 300, 800, 600};
   std::vector<Eigen::Vector3d> points_;
   std::vector<Descriptor> descriptors_;
+  std::map<int, std::vector<int>> shown_;  // by index of the frame
 };
 
 // A camera at (x, y) one unit above the ground, looking straight down, its image's x axis turned by heading.
