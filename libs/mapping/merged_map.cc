@@ -27,6 +27,9 @@ int MergedMap::FindKeyframe(int submap, KeyframeId id) const {
 MergedMap MakeMergedMap(const std::vector<SubmapView>& submaps, const std::vector<Similarity3>& root_from_submap) {
   MergedMap map;
   map.submaps = submaps;
+  size_t num_points = 0;
+  for (const SubmapView& view : submaps) num_points += view.submap->points.size();
+  map.points.reserve(num_points);
   for (int s = 0; s < static_cast<int>(submaps.size()); ++s) {
     const int first_keyframe = static_cast<int>(map.keyframes.size());
     std::map<KeyframeId, int> index_of;
@@ -38,7 +41,8 @@ MergedMap MakeMergedMap(const std::vector<SubmapView>& submaps, const std::vecto
     }
     for (const auto& [id, point] : submaps[s].submap->points) {
       if (point.observations.size() < 2) continue;
-      MergedPoint merged{root_from_submap[s] * point.position, {}, {{s, id}}};
+      MergedPoint merged{root_from_submap[s] * point.position, {}, {s, id}, {}};
+      merged.track.reserve(point.observations.size());
       for (const SubmapObservation& o : point.observations) {
         const int k = index_of.at(o.keyframe);
         if (!merged.track.empty() && merged.track.back().keyframe == k) continue;
@@ -77,10 +81,12 @@ bool FusePoints(int into, int from, MergedMap* map) {
   std::vector<TrackElement> track;
   std::merge(a.track.begin(), a.track.end(), b.track.begin(), b.track.end(), std::back_inserter(track));
   a.track = std::move(track);
-  a.members.insert(a.members.end(), b.members.begin(), b.members.end());
-  std::sort(a.members.begin(), a.members.end());
-  b.track.clear();
-  b.members.clear();
+  a.fused.insert(a.fused.end(), b.fused.begin(), b.fused.end());
+  a.fused.push_back(std::max(a.first, b.first));
+  a.first = std::min(a.first, b.first);
+  std::sort(a.fused.begin(), a.fused.end());
+  std::vector<TrackElement>().swap(b.track);
+  std::vector<std::pair<int, MapPointId>>().swap(b.fused);
   return true;
 }
 

@@ -33,8 +33,10 @@ struct TrackElement {
 // A map point of the merged map: one or, after fusion, several map points of the submaps.
 struct MergedPoint {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // root frame
-  std::vector<TrackElement> track;                  // ascending, at most one per keyframe; empty: fused away or culled
-  std::vector<std::pair<int, MapPointId>> members;  // (submap index, id), ascending: the first is the oldest
+  std::vector<TrackElement> track;  // ascending, at most one per keyframe; empty: fused away or culled
+  // The map points of submaps that it is: (submap index, id), the oldest first, then those fused into it, ascending.
+  std::pair<int, MapPointId> first;
+  std::vector<std::pair<int, MapPointId>> fused;
 };
 
 struct MergedMap {

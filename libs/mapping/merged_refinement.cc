@@ -98,11 +98,13 @@ std::optional<Similarity3> FitSubmap(const MergedMap& map, int submap) {
   std::vector<Eigen::Vector3d> raw, merged;
   for (const MergedPoint& point : map.points) {
     if (point.track.empty()) continue;
-    for (const auto& [s, id] : point.members) {
-      if (s != submap) continue;
-      raw.push_back(map.submaps[s].submap->points.at(id).position);
+    const auto add = [&](const std::pair<int, MapPointId>& member) {
+      if (member.first != submap) return;
+      raw.push_back(map.submaps[submap].submap->points.at(member.second).position);
       merged.push_back(point.position);
-    }
+    };
+    add(point.first);
+    std::for_each(point.fused.begin(), point.fused.end(), add);
   }
   return HornAlignment(raw, merged);
 }

@@ -14,7 +14,7 @@ std::vector<std::vector<int>> ChooseSeamWindows(const MergedMap& map, const Seam
   for (const MergedPoint& point : map.points) {
     const std::vector<TrackElement>& track = point.track;
     for (const TrackElement& e : track) {
-      at_seam[e.keyframe] += point.members.size() > 1;
+      at_seam[e.keyframe] += !point.fused.empty();
       for (const TrackElement& f : track) {
         if (e.keyframe != f.keyframe) ++shared[e.keyframe][f.keyframe];
       }

@@ -109,8 +109,8 @@ void ApplyUpdate(Submap* submap, const MapUpdate& update) {
     for (const SubmapObservation& o : it->second.observations) {
       submap->keyframes.at(o.keyframe).map_points[o.feature] = MapPointId();
     }
-    submap->points.erase(it);
   }
+  submap->points.EraseAll(update.removed_points);
   submap->frames.insert(submap->frames.end(), update.frames.begin(), update.frames.end());
 }
 
@@ -191,6 +191,8 @@ std::string Session::Apply(const Record& record) {
       submap.end_reason = submap_end->reason;
       submap.end_detail = submap_end->detail;
       submap.last_frame = submap_end->last_frame;
+      submap.points.shrink_to_fit();  // as it will stay
+      for (auto& [point_id, point] : submap.points) point.observations.shrink_to_fit();
     } else if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body)) {
       error = ApplyKeyframe(&submap, record.header, *keyframe);
     } else if (const auto* update = std::get_if<MapUpdate>(&record.body)) {

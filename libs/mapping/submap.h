@@ -6,6 +6,7 @@
 
 #include "libs/mapping/ids.h"
 #include "libs/mapping/records.h"
+#include "libs/mapping/sorted_map.h"
 
 // The read model of the stream: what every consumer downstream of the frontend knows of a flight. Built only by
 // applying records in order, so equal streams give equal models. Ordered containers, so that iteration is
@@ -48,7 +49,7 @@ struct Submap {
   std::string end_reason, end_detail;
   int last_frame = -1;
   std::map<KeyframeId, SubmapKeyframe> keyframes;
-  std::map<MapPointId, SubmapPoint> points;
+  SortedMap<MapPointId, SubmapPoint> points;
   std::vector<TrackedFrame> frames;  // in the order they were tracked; they may refer to removed keyframes
   std::map<KeyframeId, RemovedKeyframe> removed_keyframes;
 

@@ -69,10 +69,10 @@ RefinementOutcome RunRefinement(const RefinementTask& task, const std::function<
     }
     for (const MergedPoint& p : result.map.points) {
       if (p.track.empty()) continue;
-      const auto& [first_submap, first_id] = p.members.front();
+      const auto& [first_submap, first_id] = p.first;
       refined[first_submap].points.push_back({first_id, p.position.cast<float>()});
-      for (size_t m = 1; m < p.members.size(); ++m) {
-        refined[p.members[m].first].fused.push_back({p.members[m].second, refined[first_submap].key, first_id});
+      for (const auto& [submap, id] : p.fused) {
+        refined[submap].fused.push_back({id, refined[first_submap].key, first_id});
       }
     }
     outcome.submaps.insert(outcome.submaps.end(), refined.begin(), refined.end());

@@ -193,7 +193,7 @@ TEST(SeamWindows, HoldTheKeyframesThatSeeFusedPointsEachOnce) {
   std::set<int> at_seam;
   for (const MergedPoint& p : map.points) {
     for (const TrackElement& e : p.track) {
-      if (p.members.size() > 1) at_seam.insert(e.keyframe);
+      if (!p.fused.empty()) at_seam.insert(e.keyframe);
     }
   }
   ASSERT_GT(at_seam.size(), 20u);
