@@ -35,9 +35,8 @@ struct RawFeatures {
 };
 
 // ORB features: FAST corners on an image pyramid with a threshold that adapts per cell, spread evenly over image and
-// levels, refined to subpixels,
-// oriented by intensity centroid, described by oriented BRIEF (Rublee et al., ICCV 2011). Descriptors fit the
-// vocabularies of ORB-SLAM. Same image and options, same bits. Thread-safe.
+// levels, each at a pixel of its level, oriented by intensity centroid, described by oriented BRIEF (Rublee et al., ICCV
+// 2011). Descriptors fit the vocabularies of ORB-SLAM. Same image and options, same bits. Thread-safe.
 class OrbExtractor {
  public:
   explicit OrbExtractor(const OrbOptions& options);
