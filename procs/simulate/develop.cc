@@ -1,6 +1,8 @@
 // From light to a finished picture: motion blur, exposure, sharpening, noise.
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 
 #include "procs/simulate/random.h"
 #include "procs/simulate/renderer.h"
@@ -9,10 +11,9 @@ namespace mapmend::simulate {
 namespace {
 
 // Noise of one pixel, by table: sums of uniform numbers, of unit variance.
-constexpr uint64_t kNoises = 1024;
-const std::array<Color, kNoises>& NoiseTable() {
+const std::array<Color, RowKernels::kNoises>& NoiseTable() {
   static const auto table = [] {
-    std::array<Color, kNoises> values;
+    std::array<Color, RowKernels::kNoises> values;
     Random random(77);
     for (Color& v : values) {
       v = Color{};
@@ -31,35 +32,24 @@ void Renderer::Project(const Motion& motion, const float* p, float* u, float* v)
   const float inverse = 1.f / std::max(z, 1e-3f);
   const float x = (r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + motion.translation[0]) * inverse;
   const float y = (r[3] * p[0] + r[4] * p[1] + r[5] * p[2] + motion.translation[1]) * inverse;
-  if (!distorted_) {
-    *u = static_cast<float>(camera_.fx) * x + static_cast<float>(camera_.cx);
-    *v = static_cast<float>(camera_.fy) * y + static_cast<float>(camera_.cy);
-    return;
-  }
-  if (camera_.model == Camera::Model::kPinhole) {
-    float d[5];
-    for (int k = 0; k < 5; ++k) d[k] = static_cast<float>(camera_.distortion[k]);
-    const float r2 = x * x + y * y, radial = 1 + r2 * (d[0] + r2 * (d[1] + r2 * d[4]));
-    const float xd = x * radial + 2 * d[2] * x * y + d[3] * (r2 + 2 * x * x);
-    const float yd = y * radial + d[2] * (r2 + 2 * y * y) + 2 * d[3] * x * y;
-    *u = static_cast<float>(camera_.fx) * xd + static_cast<float>(camera_.cx);
-    *v = static_cast<float>(camera_.fy) * yd + static_cast<float>(camera_.cy);
-    return;
-  }
   const Eigen::Vector2d pixel = camera_.Project(Eigen::Vector3d(x, y, 1));
   *u = static_cast<float>(pixel.x());
   *v = static_cast<float>(pixel.y());
 }
 
-Color Renderer::MotionOf(int x, int y, float distance) const {
-  const size_t i = static_cast<size_t>(y) * camera_.width + x;
-  distance = std::min(distance, 1e5f);
-  const float point[3] = {rays_[i].x() * distance, rays_[i].y() * distance, rays_[i].z() * distance};
-  float x0, y0, x1, y1;
-  Project(rows_[y].begin, point, &x0, &y0);
-  Project(rows_[y].end, point, &x1, &y1);
-  const float fx = static_cast<float>(x), fy = static_cast<float>(y);
-  return Color{x0 - fx, y0 - fy, x1 - fx, y1 - fy};
+void Renderer::MoveCorners(int y0, int y1, const CornerPoints& points, Color* moved) const {
+  if (camera_.model == Camera::Model::kPinhole) {
+    RowKernels::Get().move_corners(corner_motions_[y0 / kTile], lens_, points, moved);
+    return;
+  }
+  for (int k = 0; k < 8; ++k) {
+    const RowPose& row = rows_[k % 2 == 0 ? y0 : y1];
+    const float d = points.distance[k], point[3] = {points.x[k] * d, points.y[k] * d, points.z[k] * d};
+    float a, b, c, e;
+    Project(row.begin, point, &a, &b);
+    Project(row.end, point, &c, &e);
+    moved[k] = Color{a, b, c, e} - Color{points.pixel_x[k], points.pixel_y[k], points.pixel_x[k], points.pixel_y[k]};
+  }
 }
 
 bool Renderer::FindMotion(int tile, bool plain) {
@@ -69,20 +59,43 @@ bool Renderer::FindMotion(int tile, bool plain) {
   const int x1 = std::min(x0 + kTile, width) - 1, y1 = std::min(y0 + kTile, camera_.height) - 1;
   float nearest = 1e5f, farthest = 0;
   // A plane is nearest and farthest at corners.
-  for (int y = y0; y <= y1; y += plain ? std::max(1, y1 - y0) : 1) {
-    for (int x = x0; x <= x1; x += plain ? std::max(1, x1 - x0) : 1) {
-      const float distance = std::min(distance_[static_cast<size_t>(y) * width + x], 1e5f);
-      nearest = std::min(nearest, distance), farthest = std::max(farthest, distance);
+  if (plain || x1 - x0 != kTile - 1) {
+    for (int y = y0; y <= y1; y += plain ? std::max(1, y1 - y0) : 1) {
+      for (int x = x0; x <= x1; x += plain ? std::max(1, x1 - x0) : 1) {
+        const float distance = std::min(distance_[static_cast<size_t>(y) * width + x], 1e5f);
+        nearest = std::min(nearest, distance), farthest = std::max(farthest, distance);
+      }
     }
+  } else {
+    Color low = Color{} + 1e5f, high = {};
+    for (int y = y0; y <= y1; ++y) {
+      for (int x = x0; x <= x1; x += 4) {
+        Color distance;
+        std::memcpy(&distance, &distance_[static_cast<size_t>(y) * width + x], sizeof distance);
+        low = distance < low ? distance : low;
+        high = distance > high ? distance : high;
+      }
+    }
+    for (int k = 0; k < 4; ++k) nearest = std::min(nearest, low[k]), farthest = std::max(farthest, high[k]);
+    farthest = std::min(farthest, 1e5f);
   }
   // The motion of a pixel is nearly linear in inverse distance: exactly so but for moving towards the surface.
   TileMotion& motion = motions_[tile];
   const float between = 0.75f / nearest;
   motion.least = 1.f / farthest, motion.greatest = 1.f / nearest;
   bool still = true;
+  CornerPoints points;
+  for (int k = 0; k < 8; ++k) {
+    const int x = k % 4 < 2 ? x0 : x1, y = k % 2 == 0 ? y0 : y1;
+    const Eigen::Vector3f& ray = rays_[static_cast<size_t>(y) * width + x];
+    points.x[k] = ray.x(), points.y[k] = ray.y(), points.z[k] = ray.z();
+    points.distance[k] = k < 4 ? nearest : std::min(4 * nearest, 1e5f);
+    points.pixel_x[k] = static_cast<float>(x), points.pixel_y[k] = static_cast<float>(y);
+  }
+  Color moved[8];
+  MoveCorners(y0, y1, points, moved);
   for (int k = 0; k < 4; ++k) {
-    const int x = k < 2 ? x0 : x1, y = k % 2 == 0 ? y0 : y1;
-    const Color near = MotionOf(x, y, nearest), far = MotionOf(x, y, 4 * nearest);
+    const Color &near = moved[k], &far = moved[k + 4];
     motion.slope[k] = (near - far) * (1.f / between);
     motion.base[k] = near - motion.slope[k] * (1.f / nearest);
     const auto moves = [](const Color& m) {
@@ -151,33 +164,26 @@ void Renderer::BlurRow(int y, int begin, int end, Color* blurred) const {
   }
 }
 
-void Renderer::ExposeRow(int y, int begin, int end, const SensorState& sensor, Color* row) const {
-  const int width = camera_.width;
-  const float cx = static_cast<float>(width) / 2, cy = static_cast<float>(camera_.height) / 2;
-  const float falloff = sensor.vignetting / (cx * cx + cy * cy);
-  const float dy = static_cast<float>(y) - cy;
-  const Color gain = Rgb(sensor.gain[0], sensor.gain[1], sensor.gain[2]);
-  const Color haze = Rgb(168 * 168, 161 * 161, 166 * 166) * options_.haze;
-  const float clear = 1.f - options_.haze;
-  for (int x = begin; x < end; ++x) {
-    const float dx = static_cast<float>(x) - cx;
-    const Color value = (row[x] * clear + haze) * (gain * (1.f - falloff * (dx * dx + dy * dy)));
-    row[x] = SquareRoot(value);
-  }
-}
-
 void Renderer::DevelopRows(int begin, int end, const SensorState& sensor, Frame* frame) const {
   const int width = camera_.width, height = camera_.height;
   const auto& table = NoiseTable();
-  // Three rows of stored values, used in turn.
-  std::vector<Color> buffer(3 * static_cast<size_t>(width));
-  Color* lines[3] = {buffer.data(), buffer.data() + width, buffer.data() + 2 * static_cast<size_t>(width)};
+  const RowKernels& kernels = RowKernels::Get();
+  const float cx = static_cast<float>(width) / 2, cy = static_cast<float>(height) / 2;
+  const Exposure exposure{Rgb(sensor.gain[0], sensor.gain[1], sensor.gain[2]),
+                          Rgb(168 * 168, 161 * 161, 166 * 166) * options_.haze, 1.f - options_.haze,
+                          sensor.vignetting / (cx * cx + cy * cy)};
+  // Three rows of values, used in turn, and what sharpening needs.
+  const auto size = static_cast<size_t>(width);
+  std::vector<Color> buffer(5 * size + 2);
+  Color* lines[3] = {buffer.data(), buffer.data() + size, buffer.data() + 2 * size};
+  Color *sharp = buffer.data() + 3 * size, *sums = sharp + size;
   const auto fill = [&](int y, Color* line) {
     y = std::clamp(y, 0, height - 1);
     constexpr int kPiece = 16 * kTile;  // stays in the nearest cache
     for (int x = 0; x < width; x += kPiece) {
-      BlurRow(y, x, std::min(x + kPiece, width), line);
-      ExposeRow(y, x, std::min(x + kPiece, width), sensor, line);
+      const int last = std::min(x + kPiece, width);
+      BlurRow(y, x, last, line);
+      kernels.expose(exposure, static_cast<float>(x) - cx, static_cast<float>(y) - cy, last - x, line + x);
     }
   };
   const auto amount = static_cast<float>(options_.sharpening);
@@ -187,28 +193,15 @@ void Renderer::DevelopRows(int begin, int end, const SensorState& sensor, Frame*
     fill(begin, lines[1]);
   }
   for (int y = begin; y < end; ++y) {
-    if (sharpen)
+    if (sharpen) {
       fill(y + 1, lines[2]);
-    else
-      fill(y, lines[1]);
-    const uint64_t row_seed = Hash(sensor.seed, static_cast<uint64_t>(y));
-    uint64_t random = 0;
-    uint8_t* out = frame->bgr.data() + static_cast<size_t>(y) * width * 3;
-    for (int x = 0; x < width; ++x, out += 3) {
-      Color value = lines[1][x];
-      if (sharpen) {
-        const int left = std::max(x - 1, 0), right = std::min(x + 1, width - 1);
-        const auto column = [&](int c) { return lines[0][c] + lines[1][c] + lines[2][c]; };
-        value += (value - (column(left) + column(x) + column(right)) * (1.f / 9)) * amount;
-      }
-      if (x % 4 == 0) random = Hash(row_seed + static_cast<uint64_t>(x));
-      // Photon noise is constant after the square root, so one figure serves for bright and dark.
-      value += table[random & (kNoises - 1)] * sensor.noise + 0.5f;
-      random >>= 16;
-      const uint32_t stored = PackTruncated(value);
-      out[0] = static_cast<uint8_t>(stored >> 16), out[1] = static_cast<uint8_t>(stored >> 8),
-      out[2] = static_cast<uint8_t>(stored);
+      kernels.sharpen(lines, width, amount, sums, sharp);
+    } else {
+      fill(y, sharp);
     }
+    // Photon noise is constant after the square root, so one figure serves for bright and dark.
+    kernels.store(sharp, width, table.data(), sensor.noise, Hash(sensor.seed, static_cast<uint64_t>(y)),
+                  frame->bgr.data() + static_cast<size_t>(y) * width * 3);
     if (sharpen) std::rotate(lines, lines + 1, lines + 3);
   }
 }

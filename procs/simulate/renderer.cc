@@ -60,6 +60,10 @@ Renderer::Renderer(const Scene* scene, const Camera& camera, const RenderOptions
   smoothed_.resize((camera.height + kTile - 1) / kTile);
   tiles_.resize(static_cast<size_t>((camera.width + kTile - 1) / kTile) * smoothed_.size());
   motions_.resize(tiles_.size());
+  corner_motions_.resize(smoothed_.size());
+  lens_ = {static_cast<float>(camera.fx), static_cast<float>(camera.fy), static_cast<float>(camera.cx),
+           static_cast<float>(camera.cy), {}, distorted_};
+  for (int k = 0; k < 5; ++k) lens_.distortion[k] = static_cast<float>(camera.distortion[k]);
   facet_rows_.resize(smoothed_.size());
   facet_lists_.resize(smoothed_.size());
   light_.resize(size);
@@ -85,30 +89,69 @@ Eigen::Vector3d Renderer::Ray(int x, int y) const {
   return rays_[static_cast<size_t>(y) * camera_.width + x].cast<double>().normalized();
 }
 
-void Renderer::Render(const PoseFunction& pose, double time, const SensorState& sensor, Frame* frame) {
-  const int width = camera_.width, height = camera_.height;
-  const auto relative = [](const Rigid3& cam_from_mid) {
-    Motion motion;
-    const Eigen::Matrix3f rotation = cam_from_mid.rotation.toRotationMatrix().cast<float>();
-    for (int i = 0; i < 9; ++i) motion.rotation[i] = rotation(i / 3, i % 3);
-    for (int i = 0; i < 3; ++i) motion.translation[i] = static_cast<float>(cam_from_mid.translation[i]);
-    return motion;
+// With a moving shutter every eighth row's pose is computed and those between interpolated: a camera does not change its
+// motion within a tenth of a millisecond.
+void Renderer::FindPoses(const PoseFunction& pose) {
+  struct Node {
+    Rigid3 begin, middle, end;
   };
-  time_ = time;
-  ParallelFor(height, 32, options_.num_threads, [&](int begin, int end) {
-    for (int y = begin; y < end; ++y) {
-      if (y > begin && options_.readout == 0) {
-        rows_[y] = rows_[begin];
-        continue;
+  const int height = camera_.height, tile_rows = (height + kTile - 1) / kTile;
+  const auto node_at = [&](double y) {
+    const double time = time_ + (y / (height - 1) - 0.5) * options_.readout;
+    return Node{pose(time - options_.exposure / 2), pose(time), pose(time + options_.exposure / 2)};
+  };
+  const auto set = [this](const Node& node, int y) {
+    const auto relative = [&node](const Rigid3& world_from_cam) {
+      const Rigid3 cam_from_mid = world_from_cam.Inverse() * node.middle;
+      Motion motion;
+      const Eigen::Matrix3f rotation = cam_from_mid.rotation.toRotationMatrix().cast<float>();
+      for (int i = 0; i < 9; ++i) motion.rotation[i] = rotation(i / 3, i % 3);
+      for (int i = 0; i < 3; ++i) motion.translation[i] = static_cast<float>(cam_from_mid.translation[i]);
+      return motion;
+    };
+    rows_[y] = {node.middle.rotation.toRotationMatrix(), node.middle.translation, relative(node.begin),
+                relative(node.end)};
+  };
+  const auto between = [](const Rigid3& a, const Rigid3& b, double part) {
+    const double sign = a.rotation.dot(b.rotation) < 0 ? -1 : 1;
+    const Eigen::Quaterniond rotation(a.rotation.coeffs() * (1 - part) + b.rotation.coeffs() * (sign * part));
+    return Rigid3{rotation.normalized(), a.translation + part * (b.translation - a.translation)};
+  };
+  const bool rolling = options_.readout != 0;
+  const Node whole = rolling ? Node{} : node_at(0);
+  ParallelFor(tile_rows, 16, options_.num_threads, [&](int first, int last) {
+    Node below = rolling ? node_at(first * kTile) : whole;
+    for (int t = first; t < last; ++t) {
+      const Node above = below;
+      if (rolling) below = node_at((t + 1) * kTile);
+      const int y0 = t * kTile, y1 = std::min(y0 + kTile, height) - 1;
+      for (int y = y0; y <= y1; ++y) {
+        if (!rolling && y > first * kTile) {
+          rows_[y] = rows_[y - 1];
+          continue;
+        }
+        const double part = static_cast<double>(y - y0) / kTile;
+        set({between(above.begin, below.begin, part), between(above.middle, below.middle, part),
+             between(above.end, below.end, part)},
+            y);
       }
-      const double row_time = time + (static_cast<double>(y) / (height - 1) - 0.5) * options_.readout;
-      const Rigid3 world_from_mid = pose(row_time);
-      rows_[y].rotation = world_from_mid.rotation.toRotationMatrix();
-      rows_[y].center = world_from_mid.translation;
-      rows_[y].begin = relative(pose(row_time - options_.exposure / 2).Inverse() * world_from_mid);
-      rows_[y].end = relative(pose(row_time + options_.exposure / 2).Inverse() * world_from_mid);
+      for (int lane = 0; lane < 8; ++lane) {
+        const RowPose& row = rows_[lane % 2 == 0 ? y0 : y1];
+        const auto copy = [lane](const Motion& from, float (*to)[8]) {
+          for (int i = 0; i < 9; ++i) to[i][lane] = from.rotation[i];
+          for (int i = 0; i < 3; ++i) to[9 + i][lane] = from.translation[i];
+        };
+        copy(row.begin, corner_motions_[t].begin);
+        copy(row.end, corner_motions_[t].end);
+      }
     }
   });
+}
+
+void Renderer::Render(const PoseFunction& pose, double time, const SensorState& sensor, Frame* frame) {
+  const int width = camera_.width, height = camera_.height;
+  time_ = time;
+  FindPoses(pose);
   frame->width = width;
   frame->height = height;
   frame->bgr.resize(static_cast<size_t>(width) * height * 3);
@@ -126,7 +169,7 @@ void Renderer::Render(const PoseFunction& pose, double time, const SensorState& 
   for (const auto& row : smoothed_) {
     for (const Smoothed& pixel : row) light_[pixel.index] = pixel.light;
   }
-  ParallelFor(height, 24, options_.num_threads, [&](int begin, int end) { DevelopRows(begin, end, sensor, frame); });
+  ParallelFor(height, 5 * kTile, options_.num_threads, [&](int begin, int end) { DevelopRows(begin, end, sensor, frame); });
 }
 
 void Renderer::CastPixel(int x, int y, const Beam& beam) {

@@ -147,17 +147,16 @@ class Renderer {
   void SmoothPixel(int x, int y, const Beam& beam, std::vector<Smoothed>* smoothed) const;
   void SmoothFacets(int tile_row, std::vector<Smoothed>* smoothed) const;
   void SmoothFacetPixel(int x, int y, int tile_row, const TileState& tile, std::vector<Smoothed>* smoothed) const;
-  // Where a point at `distance` along a pixel's ray in the middle of the exposure is at its beginning (0, 1) and end
-  // (2, 3), less the pixel.
-  Color MotionOf(int x, int y, float distance) const;
+  // Poses of all rows at this time of the middle one.
+  void FindPoses(const PoseFunction& pose);
+  // As RowKernels::move_corners, for any camera. The lanes are in turn of the rows y0 and y1.
+  void MoveCorners(int y0, int y1, const CornerPoints& points, Color* moved) const;
   // Finds how what a tile shows moves. True if all of it moves by less than half a pixel.
   bool FindMotion(int tile, bool plain);
   // True if the motions of eight pixels from (x, y) on are so alike that they count as one, and stay in the picture.
   bool IsEven(const Color& least, const Color& most, int x, int y) const;
   // Light after motion blur of a piece of a row, which begins and ends with a tile.
   void BlurRow(int y, int begin, int end, Color* blurred) const;
-  // Light to stored values, without noise; in place.
-  void ExposeRow(int y, int begin, int end, const SensorState& sensor, Color* row) const;
   // Rows [begin, end) of the finished picture.
   void DevelopRows(int begin, int end, const SensorState& sensor, Frame* frame) const;
   // Pixel of a point in the camera, as Camera::Project, in single precision.
@@ -168,6 +167,7 @@ class Renderer {
   RenderOptions options_;
   double pixel_angle_ = 0, time_ = 0;
   bool distorted_ = false;
+  Lens lens_{};
   BigVector<Eigen::Vector3f> rays_;
   BigVector<float> ray_stretch_;                    // 1 / rays_.z: distance over depth
   BigVector<float> plane_x_, plane_y_;              // of the rays, at z = 1
@@ -176,6 +176,7 @@ class Renderer {
   std::vector<FacetRow> facet_rows_;                // per row of tiles
   std::vector<std::vector<uint16_t>> facet_lists_;  // solids that may be seen, tile by tile
   std::vector<RowPose> rows_;
+  std::vector<CornerMotion> corner_motions_;  // per row of tiles
   BigVector<float> distance_;
   BigVector<int> surface_;
   std::vector<TileState> tiles_;

@@ -9,6 +9,8 @@
 #include <cstring>
 #include <type_traits>
 
+#include "procs/simulate/random.h"
+
 // Vectors of eight are passed between functions of this file only.
 #pragma GCC diagnostic ignored "-Wpsabi"
 

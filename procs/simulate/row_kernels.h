@@ -68,6 +68,29 @@ struct GroundLook {
   CanopyView leaves;
 };
 
+// Where the camera is at the beginning and at the end of the exposure, from its pose in the middle, in turn for the
+// first and the last row of a row of tiles: nine numbers of the rotation, row by row, and three of the translation.
+struct CornerMotion {
+  float begin[12][8], end[12][8];
+};
+
+// A pinhole with radial-tangential distortion, as Camera.
+struct Lens {
+  float fx, fy, cx, cy, distortion[5];
+  bool distorted;
+};
+
+// Points of eight rays (x, y, z) at these distances, seen from pixels.
+struct CornerPoints {
+  float x[8], y[8], z[8], distance[8], pixel_x[8], pixel_y[8];
+};
+
+// value = sqrt((light * clear + haze) * gain * (1 - falloff * r^2)), r in pixels from the middle of the picture.
+struct Exposure {
+  Color gain, haze;
+  float clear, falloff;
+};
+
 // The inner loops of drawing, once for what every x86-64-v2 machine has and once for AVX2, chosen at run time. The
 // operations are the same, and so are the bits.
 struct RowKernels {
@@ -90,6 +113,17 @@ struct RowKernels {
   // The same for eight pixels that move alike, by offset[0], offset[1] to the beginning and offset[2], offset[3] to the
   // end of the exposure, and whose motion stays inside the picture.
   void (*blur_even)(const Light* light, int width, int x, int y, const Color& offset, Color* blurred);
+
+  // How far the images of eight points are from their pixels at the beginning (0, 1) and the end (2, 3) of the exposure.
+  void (*move_corners)(const CornerMotion& motion, const Lens& lens, const CornerPoints& points, Color* moved);
+  // Light to values, in place; the first pixel lies at (x, y) from the middle of the picture.
+  void (*expose)(const Exposure& exposure, float x, float y, int count, Color* row);
+  // lines[1] plus `amount` of its difference to the mean of 3 x 3 pixels. sums: room for width + 2.
+  void (*sharpen)(const Color* const* lines, int width, float amount, Color* sums, Color* sharp);
+  // Values with noise as bytes: blue, green, red. noises: kNoises of unit variance.
+  void (*store)(const Color* values, int width, const Color* noises, float amount, uint64_t seed, uint8_t* bgr);
+
+  static constexpr int kNoises = 1024;
 
   static const RowKernels& Portable();
   static const RowKernels& Get();

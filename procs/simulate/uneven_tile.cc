@@ -36,10 +36,11 @@ void Renderer::CastTile(int x0, int y0, int x1, int y1, const Beam& beam, const 
     // Inverse depths between nodes, and which pixels lie between nodes without a jump.
     float between[kTile];
     unsigned even = 0, ground = 0;
+    const int shift = nodes.step == 4 ? 2 : 1, mask = nodes.step - 1, b = j >> shift;
+    const float part = 1.f / static_cast<float>(nodes.step), v = static_cast<float>(j & mask) * part;
     for (int i = 0; i < kTile; ++i) {
-      const int a = i / nodes.step, b = j / nodes.step;
-      const float u = static_cast<float>(i % nodes.step) / static_cast<float>(nodes.step),
-                  v = static_cast<float>(j % nodes.step) / static_cast<float>(nodes.step);
+      const int a = i >> shift;
+      const float u = static_cast<float>(i & mask) * part;
       const float above = nodes.inverse[b][a] + (nodes.inverse[b][a + 1] - nodes.inverse[b][a]) * u,
                   below = nodes.inverse[b + 1][a] + (nodes.inverse[b + 1][a + 1] - nodes.inverse[b + 1][a]) * u;
       between[i] = above + (below - above) * v;
@@ -52,8 +53,8 @@ void Renderer::CastTile(int x0, int y0, int x1, int y1, const Beam& beam, const 
     if (ground != 0)
       missed = RowKernels::Get().settle_on_ground(scene_->grid, tile.world[j], between, ground, pixels, tile.slope[j]);
     for (int i = 0; i < kTile; ++i) {
-      const bool node = i % nodes.step == 0 && j % nodes.step == 0;
-      const Hit& near = nodes.hit[j / nodes.step][i / nodes.step];
+      const bool node = ((i | j) & mask) == 0;
+      const Hit& near = nodes.hit[b][i >> shift];
       const auto set = [&](const Hit& hit) {
         pixels.distance[i] = static_cast<float>(hit.distance);
         pixels.surface[i] = hit.surface;
