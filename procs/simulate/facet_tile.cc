@@ -1,5 +1,7 @@
 // Tiles of a scene of level ground and convex solids: which solids each may show, its pixels, and its edges.
+#include <bit>
 #include <cmath>
+#include <cstring>
 
 #include "procs/simulate/renderer.h"
 
@@ -64,14 +66,28 @@ void Renderer::SmoothFacets(int tile_row, std::vector<Smoothed>* smoothed) const
   for (int k = 0; k < tiles; ++k) {
     const TileState& tile = tiles_[static_cast<size_t>(tile_row) * tiles + k];
     const int x_end = std::min((k + 1) * kTile, width - 1);
+    const int x0 = k * kTile;
+    const unsigned inside = (1u << (x_end - x0)) - (x0 == 0 ? 2u : 1u);
     for (int y = std::max(y0, 1); y < y_end; ++y) {
       const bool border = y == y0 || y == y0 + kTile - 1;
-      for (int x = std::max(k * kTile, 1); x < x_end; ++x) {
-        if (tile.plain && !border && x > k * kTile) x = std::max(x, k * kTile + kTile - 1);
-        if (x < x_end) SmoothFacetPixel(x, y, tile_row, tile, smoothed);
-      }
+      unsigned edges = (Borders(x0, y) | Borders(x0 + 4, y) << 4) & inside;
+      if (tile.plain && !border) edges &= 1u | 1u << (kTile - 1);
+      for (; edges != 0; edges &= edges - 1)
+        SmoothFacetPixel(x0 + std::countr_zero(edges), y, tile_row, tile, smoothed);
     }
   }
+}
+
+unsigned Renderer::Borders(int x, int y) const {
+  const size_t i = static_cast<size_t>(y) * camera_.width + x;
+  const auto read = [this](size_t k) {
+    Int4 surface;
+    std::memcpy(&surface, &surface_[k], sizeof surface);
+    return surface;
+  };
+  const Int4 here = read(i);
+  return Lanes((read(i - 1) != here) | (read(i + 1) != here) | (read(i - camera_.width) != here) |
+               (read(i + camera_.width) != here));
 }
 
 void Renderer::SmoothFacetPixel(int x, int y, int tile_row, const TileState& tile,
@@ -79,9 +95,6 @@ void Renderer::SmoothFacetPixel(int x, int y, int tile_row, const TileState& til
   const int width = camera_.width;
   const size_t i = static_cast<size_t>(y) * width + x;
   const size_t pixels[] = {i, i - 1, i + 1, i - width, i + width};
-  bool edge = false;
-  for (const size_t k : pixels) edge |= surface_[k] != surface_[i];
-  if (!edge) return;
   const FacetRow& facets = facet_rows_[tile_row];
   const Color a = {-0.375f, 0.125f, 0.375f, -0.125f}, b = {-0.125f, -0.375f, 0.125f, 0.375f};
   const float right_x = plane_x_[i + 1] - plane_x_[i], right_y = plane_y_[i + 1] - plane_y_[i];

@@ -1,5 +1,6 @@
 #include "procs/simulate/renderer.h"
 
+#include <bit>
 #include <cmath>
 #include <cstring>
 
@@ -54,8 +55,8 @@ Renderer::Renderer(const Scene* scene, const Camera& camera, const RenderOptions
   });
   pixel_angle_ = std::exp2(options.lod_bias) / std::sqrt(camera.fx * camera.fy);
   rows_.resize(camera.height);
-  distance_.resize(size);
-  surface_.resize(size);
+  distance_.resize(size + 8);
+  surface_.resize(size + 8);
   edge_slope_ = static_cast<float>(6 / std::sqrt(camera.fx * camera.fy));
   smoothed_.resize((camera.height + kTile - 1) / kTile);
   tiles_.resize(static_cast<size_t>((camera.width + kTile - 1) / kTile) * smoothed_.size());
@@ -272,7 +273,11 @@ void Renderer::SmoothEdges(int tile_row, std::vector<Smoothed>* smoothed) const 
     }
     for (int y = std::max(y0, 1); y < y_end; ++y) {
       const bool whole = !inner || (above && y == y0) || (below && y == y0 + kTile - 1);
-      if (whole && x_end - x0 == kTile && x0 > 0 && !HasEdge(x0, y) && !HasEdge(x0 + 4, y)) continue;
+      if (whole && x_end - x0 == kTile && x0 > 0) {
+        for (unsigned edges = Edges(x0, y) | Edges(x0 + 4, y) << 4; edges != 0; edges &= edges - 1)
+          SmoothPixel(x0 + std::countr_zero(edges), y, tile->beam, smoothed);
+        continue;
+      }
       for (int x = std::max(x0, 1); x < x_end; ++x) {
         if (whole || (left && x == x0) || (right && x == x0 + kTile - 1)) SmoothPixel(x, y, tile->beam, smoothed);
       }
@@ -280,7 +285,7 @@ void Renderer::SmoothEdges(int tile_row, std::vector<Smoothed>* smoothed) const 
   }
 }
 
-bool Renderer::HasEdge(int x, int y) const {
+unsigned Renderer::Edges(int x, int y) const {
   const size_t i = static_cast<size_t>(y) * camera_.width + x;
   Color distance;
   Int4 surface, differ = {};
@@ -294,7 +299,7 @@ bool Renderer::HasEdge(int x, int y) const {
     std::memcpy(&other, &surface_[k], sizeof other);
     differ |= (other != surface) | (there - distance > jump) | (distance - there > jump);
   }
-  return (differ[0] | differ[1] | differ[2] | differ[3]) != 0;
+  return Lanes(differ);
 }
 
 void Renderer::SmoothPixel(int x, int y, const Beam& beam, std::vector<Smoothed>* smoothed) const {

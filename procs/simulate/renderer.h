@@ -108,6 +108,12 @@ class Renderer {
     float slope[kTile][kTile];  // of the ground, by row and column
     WorldRow world[kTile];
   };
+  // Pixels whose rays are cast together, at most all of a tile.
+  struct Pending {
+    int count = 0, x[kTile * kTile], y[kTile * kTile];
+    Hit hit[kTile * kTile];
+    void Add(int column, int row) { x[count] = column, y[count++] = row; }
+  };
   // Rays through every second or fourth pixel of a tile and its right and lower neighbours, by row and column.
   struct TileNodes {
     static constexpr int kMost = kTile / 2 + 1;
@@ -131,6 +137,7 @@ class Renderer {
   // A row of tiles of a scene for which FacetRow serves.
   void DrawFacets(int tile_row);
   void CastPixel(int x, int y, const Beam& beam);
+  void CastPending(const Beam& beam, Pending* pending) const;
   void CastTile(int x0, int y0, int x1, int y1, const Beam& beam, const Hit* hits);
   void CastNodes(int x0, int y0, int step, const Beam& beam, const Hit* corners, TileNodes* nodes) const;
   // Fills pixels x0 .. x_end - 1, y0 .. y_end - 1 from the rays of the corners (x0, y0) and (x1, y1) if they show one
@@ -142,10 +149,12 @@ class Renderer {
   // Colours of a whole tile whose distances and surfaces are known.
   void ShadeTile(const UnevenTile& tile);
   void SmoothEdges(int tile_row, std::vector<Smoothed>* smoothed) const;
-  // Whether any of the pixels x .. x + 3 differs from a neighbour.
-  bool HasEdge(int x, int y) const;
+  // Bit k: pixel x + k of four differs from a neighbour.
+  unsigned Edges(int x, int y) const;
   void SmoothPixel(int x, int y, const Beam& beam, std::vector<Smoothed>* smoothed) const;
   void SmoothFacets(int tile_row, std::vector<Smoothed>* smoothed) const;
+  // Bit k: pixel x + k of four shows another surface than a neighbour.
+  unsigned Borders(int x, int y) const;
   void SmoothFacetPixel(int x, int y, int tile_row, const TileState& tile, std::vector<Smoothed>* smoothed) const;
   // Poses of all rows at this time of the middle one.
   void FindPoses(const PoseFunction& pose);

@@ -56,6 +56,22 @@ struct WorldRow {
   Color dx, dy, dz;
 };
 
+// A height field's cells: the greatest height of each, and which blocks of 2^block of them have solids (where
+// `block_begin` grows).
+struct HeightCells {
+  const HeightGrid* grid;
+  const float* max;
+  const uint32_t* block_begin;
+  int width, height, block, blocks_wide;
+};
+
+// Eight rays that go down steeply, from where they may first meet something: there in cells of the grid, relative to
+// cell (i, j) and not below it, and height in metres; then the same per metre along the ray.
+struct SteepRays {
+  int i, j;
+  float x[8], y[8], z[8], dx[8], dy[8], dz[8];
+};
+
 // How uneven ground looks, seen steeply from above.
 struct GroundLook {
   const Texture* texture;
@@ -100,6 +116,9 @@ struct RowKernels {
   void (*draw_plane)(const FacetRow& facets, int plane, const PixelRow& pixels);
   // A piece of a plane from pixel `first` of its row on.
   void (*paint_plain)(const PlainLook& look, const PlainRow& row, int first, const PixelRow& pixels);
+  // Where rays of `lanes` meet the ground: metres along them, and its slope. Returns the lanes that are certain; the
+  // others have left the grid or come to a block with solids.
+  unsigned (*cast_down)(const HeightCells& cells, const SteepRays& rays, unsigned lanes, float* distance, float* slope);
   // Moves pixels of `lanes` along their rays onto the ground, from about these inverse depths: distance, surface, and
   // the ground's slope (of eight pixels). Returns the lanes that were not near enough.
   unsigned (*settle_on_ground)(const HeightGrid& grid, const WorldRow& world, const float* inverse, unsigned lanes,

@@ -1,7 +1,10 @@
 #include "procs/simulate/scene.h"
 
+#include <bit>
 #include <cassert>
 #include <limits>
+
+#include "procs/simulate/row_kernels.h"
 
 namespace mapmend::simulate {
 namespace {
@@ -265,6 +268,43 @@ Hit Scene::Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction,
     }
   }
   return best;
+}
+
+void Scene::CastEight(const Eigen::Vector3d* origins, const Eigen::Vector3d* directions, int count, const Beam& beam,
+                      Hit* hits) const {
+  unsigned missed = (1u << count) - 1;
+  if (count > 2 && !beam.solids && beam.height < 1e29) {
+    const double per_metre = 1 / grid.spacing;
+    double begin[8] = {}, x[8] = {}, y[8] = {}, least_x = kInfinity, least_y = kInfinity;
+    for (int k = 0; k < count; ++k) {
+      begin[k] = std::max(0.0, (beam.height - origins[k].z()) / directions[k].z());
+      x[k] = (origins[k].x() + begin[k] * directions[k].x() - grid.x0) * per_metre;
+      y[k] = (origins[k].y() + begin[k] * directions[k].y() - grid.y0) * per_metre;
+      least_x = std::min(least_x, x[k]), least_y = std::min(least_y, y[k]);
+    }
+    if (std::abs(least_x) > 1e6 || std::abs(least_y) > 1e6) least_x = least_y = 0;
+    SteepRays rays{static_cast<int>(std::floor(least_x)), static_cast<int>(std::floor(least_y)), {}, {}, {}, {}, {}, {}};
+    for (int k = 0; k < count; ++k) {
+      rays.x[k] = static_cast<float>(x[k] - rays.i), rays.y[k] = static_cast<float>(y[k] - rays.j);
+      rays.z[k] = static_cast<float>(origins[k].z() + begin[k] * directions[k].z());
+      rays.dx[k] = static_cast<float>(directions[k].x() * per_metre);
+      rays.dy[k] = static_cast<float>(directions[k].y() * per_metre);
+      rays.dz[k] = static_cast<float>(directions[k].z());
+    }
+    const HeightCells cells{&grid,  levels_[0].max.data(),  list_begin_.data(), levels_[0].width, levels_[0].height,
+                            kLeaf, levels_[kLeaf].width};
+    float along[8], slope[8];
+    const unsigned found = RowKernels::Get().cast_down(cells, rays, missed, along, slope);
+    for (unsigned rest = found; rest != 0; rest &= rest - 1) {
+      const int k = std::countr_zero(rest);
+      hits[k] = {begin[k] + along[k], Hit::kGround, slope[k]};
+    }
+    missed &= ~found;
+  }
+  for (; missed != 0; missed &= missed - 1) {
+    const int k = std::countr_zero(missed);
+    hits[k] = Cast(origins[k], directions[k], beam);
+  }
 }
 
 }  // namespace mapmend::simulate

@@ -91,6 +91,9 @@ class Scene {
   }
   // The same for a ray within a beam whose upper part is known to be empty.
   Hit Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, const Beam& beam) const;
+  // The same for up to eight rays of a beam, to within rounding to single precision.
+  void CastEight(const Eigen::Vector3d* origins, const Eigen::Vector3d* directions, int count, const Beam& beam,
+                 Hit* hits) const;
   // What is sure to be empty between four rays, the corners of a small piece of the image. All Beam{} promises is
   // nothing. within: a beam of which this one is a part.
   Beam ClearBeam(const Eigen::Vector3d* origins, const Eigen::Vector3d* directions, const Beam& within = {}) const;

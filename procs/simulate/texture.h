@@ -112,6 +112,17 @@ inline Color SquareRoot(const Color& v) {
 #endif
 }
 
+// Bit k: lane k, of zeros or ones, is of ones.
+inline unsigned Lanes(const Int4& v) {
+#if defined(__SSE4_1__)
+  return static_cast<unsigned>(_mm_movemask_ps((__m128)v));
+#else
+  unsigned bits = 0;
+  for (int k = 0; k < 4; ++k) bits |= v[k] != 0 ? 1u << k : 0;
+  return bits;
+#endif
+}
+
 // log2 to 1e-2, from the bits of the float: enough to choose a mipmap, fast, and the same on every machine.
 inline float Log2(float x) {
   const auto bits = std::bit_cast<uint32_t>(x);

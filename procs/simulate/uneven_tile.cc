@@ -1,6 +1,8 @@
 // Tiles of the image that show edges or uneven ground: rays for every second pixel, for every one where these tell of
 // an edge between them; then the colours of the whole tile.
+#include <bit>
 #include <cmath>
+#include <cstring>
 
 #include "procs/simulate/renderer.h"
 
@@ -32,44 +34,77 @@ void Renderer::CastTile(int x0, int y0, int x1, int y1, const Beam& beam, const 
                     hits[2].surface == Hit::kGround && hits[3].surface == Hit::kGround;
   TileNodes nodes;
   if (!open || !(CastNodes(x0, y0, 4, beam, hits, &nodes), nodes.Smooth())) CastNodes(x0, y0, 2, beam, hits, &nodes);
+  Pending pending;
+  const int shift = nodes.step == 4 ? 2 : 1, last = nodes.step - 1;
+  const Float8 across = nodes.step == 4 ? Float8{0, 0.25f, 0.5f, 0.75f, 0, 0.25f, 0.5f, 0.75f}
+                                        : Float8{0, 0.5f, 0, 0.5f, 0, 0.5f, 0, 0.5f};
   for (int j = 0; j < kTile; ++j) {
     // Inverse depths between nodes, and which pixels lie between nodes without a jump.
+    const int b = j >> shift;
+    const auto line = [&](const float* w, Float8* at) {
+      const Float8 left = shift == 2 ? Float8{w[0], w[0], w[0], w[0], w[1], w[1], w[1], w[1]}
+                                     : Float8{w[0], w[0], w[1], w[1], w[2], w[2], w[3], w[3]};
+      const Float8 right = shift == 2 ? Float8{w[1], w[1], w[1], w[1], w[2], w[2], w[2], w[2]}
+                                      : Float8{w[1], w[1], w[2], w[2], w[3], w[3], w[4], w[4]};
+      *at = left + (right - left) * across;
+    };
+    Float8 above, below;
+    line(nodes.inverse[b], &above);
+    line(nodes.inverse[b + 1], &below);
+    const Float8 depths =
+        above + (below - above) * (static_cast<float>(j & last) / static_cast<float>(nodes.step));
     float between[kTile];
+    std::memcpy(between, &depths, sizeof between);
     unsigned even = 0, ground = 0;
-    const int shift = nodes.step == 4 ? 2 : 1, mask = nodes.step - 1, b = j >> shift;
-    const float part = 1.f / static_cast<float>(nodes.step), v = static_cast<float>(j & mask) * part;
-    for (int i = 0; i < kTile; ++i) {
-      const int a = i >> shift;
-      const float u = static_cast<float>(i & mask) * part;
-      const float above = nodes.inverse[b][a] + (nodes.inverse[b][a + 1] - nodes.inverse[b][a]) * u,
-                  below = nodes.inverse[b + 1][a] + (nodes.inverse[b + 1][a + 1] - nodes.inverse[b + 1][a]) * u;
-      between[i] = above + (below - above) * v;
+    for (int a = 0; a < kTile >> shift; ++a) {
       if (!nodes.even[b][a]) continue;
-      even |= 1u << i;
-      if (nodes.hit[b][a].surface == Hit::kGround) ground |= 1u << i;
+      const unsigned cell = ((1u << nodes.step) - 1) << (a << shift);
+      even |= cell;
+      if (nodes.hit[b][a].surface == Hit::kGround) ground |= cell;
     }
     const PixelRow pixels = PixelsAt(static_cast<size_t>(y0 + j) * camera_.width + x0, kTile, j);
     unsigned missed = 0;
     if (ground != 0)
       missed = RowKernels::Get().settle_on_ground(scene_->grid, tile.world[j], between, ground, pixels, tile.slope[j]);
-    for (int i = 0; i < kTile; ++i) {
-      const bool node = ((i | j) & mask) == 0;
-      const Hit& near = nodes.hit[b][i >> shift];
-      const auto set = [&](const Hit& hit) {
-        pixels.distance[i] = static_cast<float>(hit.distance);
-        pixels.surface[i] = hit.surface;
-        tile.slope[j][i] = hit.slope;
-      };
-      if (node) {
-        set(near);
-      } else if ((even >> i & 1) == 0 || (missed >> i & 1) != 0) {
-        set(scene_->Cast(rows_[y0 + j].center, Direction(x0 + i, y0 + j), beam));
-      } else if ((ground >> i & 1) == 0) {
-        set({pixels.stretch[i] / between[i], near.surface, near.slope});
-      }
+    const auto set = [&](int i, const Hit& hit) {
+      pixels.distance[i] = static_cast<float>(hit.distance);
+      pixels.surface[i] = hit.surface;
+      tile.slope[j][i] = hit.slope;
+    };
+    const unsigned own = (j & last) != 0 ? 0u : shift == 2 ? 0x11u : 0x55u;
+    for (unsigned rest = own; rest != 0; rest &= rest - 1) {
+      const int i = std::countr_zero(rest);
+      set(i, nodes.hit[b][i >> shift]);
     }
+    for (unsigned rest = even & ~ground & ~own; rest != 0; rest &= rest - 1) {
+      const int i = std::countr_zero(rest);
+      const Hit& near = nodes.hit[b][i >> shift];
+      set(i, {pixels.stretch[i] / between[i], near.surface, near.slope});
+    }
+    for (unsigned rest = (~even | missed) & ~own & 0xffu; rest != 0; rest &= rest - 1)
+      pending.Add(x0 + std::countr_zero(rest), y0 + j);
+  }
+  CastPending(beam, &pending);
+  for (int k = 0; k < pending.count; ++k) {
+    const size_t pixel = static_cast<size_t>(pending.y[k]) * camera_.width + pending.x[k];
+    distance_[pixel] = static_cast<float>(pending.hit[k].distance);
+    surface_[pixel] = pending.hit[k].surface;
+    tile.slope[pending.y[k] - y0][pending.x[k] - x0] = pending.hit[k].slope;
   }
   ShadeTile(tile);
+}
+
+void Renderer::CastPending(const Beam& beam, Pending* pending) const {
+  Eigen::Vector3d origins[8], directions[8];
+  for (int begin = 0; begin < pending->count; begin += 8) {
+    const int count = std::min(8, pending->count - begin);
+    for (int k = 0; k < count; ++k) {
+      const int y = pending->y[begin + k];
+      origins[k] = rows_[y].center;
+      directions[k] = Direction(pending->x[begin + k], y);
+    }
+    scene_->CastEight(origins, directions, count, beam, pending->hit + begin);
+  }
 }
 
 // Rays through every `step`-th pixel; those of a coarser step are kept.
@@ -81,19 +116,27 @@ void Renderer::CastNodes(int x0, int y0, int step, const Beam& beam, const Hit* 
     for (int j = 0; j <= kTile / 4; ++j) std::copy(nodes->hit[j], nodes->hit[j] + kTile / 4 + 1, before[j]);
   }
   nodes->step = step;
+  Pending pending;
+  Hit* asked[kTile * kTile];
   for (int j = 0; j < count; ++j) {
     for (int i = 0; i < count; ++i) {
-      const int x = x0 + step * i, y = y0 + step * j;
       Hit& hit = nodes->hit[j][i];
-      if (i % (count - 1) == 0 && j % (count - 1) == 0)
+      if (i % (count - 1) == 0 && j % (count - 1) == 0) {
         hit = corners[2 * (i != 0) + (j != 0)];
-      else if (finer && i % 2 == 0 && j % 2 == 0)
+      } else if (finer && i % 2 == 0 && j % 2 == 0) {
         hit = before[j / 2][i / 2];
-      else
-        hit = scene_->Cast(rows_[y].center, Direction(x, y), beam);
-      nodes->inverse[j][i] =
-          ray_stretch_[static_cast<size_t>(y) * camera_.width + x] / static_cast<float>(hit.distance);
+      } else {
+        asked[pending.count] = &hit;
+        pending.Add(x0 + step * i, y0 + step * j);
+      }
     }
+  }
+  CastPending(beam, &pending);
+  for (int k = 0; k < pending.count; ++k) *asked[k] = pending.hit[k];
+  for (int j = 0; j < count; ++j) {
+    const float* stretch = &ray_stretch_[static_cast<size_t>(y0 + step * j) * camera_.width + x0];
+    for (int i = 0; i < count; ++i)
+      nodes->inverse[j][i] = stretch[step * i] / static_cast<float>(nodes->hit[j][i].distance);
   }
   for (int j = 0; j + 1 < count; ++j) {
     for (int i = 0; i + 1 < count; ++i) {
