@@ -1,6 +1,6 @@
 // What is empty between the rays of a small piece of the image, found without casting rays.
 #include <cmath>
-#include <limits>
+#include <cstring>
 
 #include "procs/simulate/scene.h"
 
@@ -15,14 +15,20 @@ Scene::Fan::Fan(const Eigen::Vector3d* points, const Eigen::Vector3d* directions
 }
 
 Scene::Cells Scene::CellsBetween(double low, double high, const Fan& fan, int level) const {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  double x0 = kInfinity, x1 = -kInfinity, y0 = kInfinity, y1 = -kInfinity;
-  for (int k = 0; k < 4; ++k) {
-    const double xa = fan.x[k] + (low - fan.z[k]) * fan.slope_x[k], xb = fan.x[k] + (high - fan.z[k]) * fan.slope_x[k];
-    const double ya = fan.y[k] + (low - fan.z[k]) * fan.slope_y[k], yb = fan.y[k] + (high - fan.z[k]) * fan.slope_y[k];
-    x0 = std::min(x0, std::min(xa, xb)), x1 = std::max(x1, std::max(xa, xb));
-    y0 = std::min(y0, std::min(ya, yb)), y1 = std::max(y1, std::max(ya, yb));
-  }
+  using Double4 = double __attribute__((vector_size(32)));
+  const auto read = [](const double* from, Double4* to) { std::memcpy(to, from, sizeof *to); };
+  Double4 x, y, z, slope_x, slope_y;
+  read(fan.x, &x), read(fan.y, &y), read(fan.z, &z), read(fan.slope_x, &slope_x), read(fan.slope_y, &slope_y);
+  const Double4 to_low = low - z, to_high = high - z;
+  const auto bounds = [&](const Double4& at, const Double4& slope, double* least, double* greatest) {
+    const Double4 a = at + to_low * slope, b = at + to_high * slope;
+    const Double4 less = a < b ? a : b, more = a < b ? b : a;
+    *least = std::min(std::min(less[0], less[1]), std::min(less[2], less[3]));
+    *greatest = std::max(std::max(more[0], more[1]), std::max(more[2], more[3]));
+  };
+  double x0, x1, y0, y1;
+  bounds(x, slope_x, &x0, &x1);
+  bounds(y, slope_y, &y0, &y1);
   // Rays between the four may bulge a little, by lens distortion; those that smooth an edge start half a pixel outside.
   const double margin = 0.02 + (x1 - x0 + y1 - y0) / 12, scale = 1 / (grid.spacing * (1 << level));
   const auto cell = [](double v, int count) { return static_cast<int>(std::clamp(v, 0.0, count - 1.0)); };

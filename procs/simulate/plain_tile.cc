@@ -1,6 +1,7 @@
 // Tiles of the image that show nothing but even ground or one face: rays at the corners only, inverse depth between
 // them.
 #include <cmath>
+#include <cstring>
 
 #include "procs/simulate/renderer.h"
 
@@ -80,11 +81,34 @@ class TileLeaves {
       const int y = j_ + j;
       const float* near = coarse.cells_ + ((y >> 1) - coarse.j_) * coarse.stride_ - coarse.i_;
       const float* far = near + ((y & 1) != 0 ? coarse.stride_ : -coarse.stride_);
-      for (int i = 0; i < columns_; ++i) {
+      float* row = cells_ + j * stride_;
+      const auto mean = [near, far](int x) { return 0.75f * near[x] + 0.25f * far[x]; };
+      const auto add = [&](int i) {
         const int x = (i_ + i) >> 1, other = ((i_ + i) & 1) != 0 ? x + 1 : x - 1;
-        cells_[j * stride_ + i] +=
-            0.75f * (0.75f * near[x] + 0.25f * far[x]) + 0.25f * (0.75f * near[other] + 0.25f * far[other]);
+        row[i] += 0.75f * mean(x) + 0.25f * mean(other);
+      };
+      int i = 0;
+      if ((i_ & 1) != 0) add(i++);
+      // Eight at a time, above four coarse cells and between their neighbours.
+      for (; i + 8 <= columns_; i += 8) {
+        const auto means = [near, far](int x) {
+          Color a, b;
+          std::memcpy(&a, near + x, sizeof a);
+          std::memcpy(&b, far + x, sizeof b);
+          return 0.75f * a + 0.25f * b;
+        };
+        const int x = (i_ + i) >> 1;
+        const Color middle = 0.75f * means(x), left = middle + 0.25f * means(x - 1), right = middle + 0.25f * means(x + 1);
+        const Color halves[2] = {__builtin_shuffle(left, right, Int4{0, 4, 1, 5}),
+                                 __builtin_shuffle(left, right, Int4{2, 6, 3, 7})};
+        for (int h = 0; h < 2; ++h) {
+          Color cells;
+          std::memcpy(&cells, row + i + 4 * h, sizeof cells);
+          cells += halves[h];
+          std::memcpy(row + i + 4 * h, &cells, sizeof cells);
+        }
       }
+      for (; i < columns_; ++i) add(i);
     }
   }
 
