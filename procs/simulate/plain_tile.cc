@@ -98,7 +98,8 @@ class TileLeaves {
           return 0.75f * a + 0.25f * b;
         };
         const int x = (i_ + i) >> 1;
-        const Color middle = 0.75f * means(x), left = middle + 0.25f * means(x - 1), right = middle + 0.25f * means(x + 1);
+        const Color middle = 0.75f * means(x), left = middle + 0.25f * means(x - 1),
+                    right = middle + 0.25f * means(x + 1);
         const Color halves[2] = {__builtin_shuffle(left, right, Int4{0, 4, 1, 5}),
                                  __builtin_shuffle(left, right, Int4{2, 6, 3, 7})};
         for (int h = 0; h < 2; ++h) {

@@ -62,8 +62,12 @@ Renderer::Renderer(const Scene* scene, const Camera& camera, const RenderOptions
   tiles_.resize(static_cast<size_t>((camera.width + kTile - 1) / kTile) * smoothed_.size());
   motions_.resize(tiles_.size());
   corner_motions_.resize(smoothed_.size());
-  lens_ = {static_cast<float>(camera.fx), static_cast<float>(camera.fy), static_cast<float>(camera.cx),
-           static_cast<float>(camera.cy), {}, distorted_};
+  lens_ = {static_cast<float>(camera.fx),
+           static_cast<float>(camera.fy),
+           static_cast<float>(camera.cx),
+           static_cast<float>(camera.cy),
+           {},
+           distorted_};
   for (int k = 0; k < 5; ++k) lens_.distortion[k] = static_cast<float>(camera.distortion[k]);
   facet_rows_.resize(smoothed_.size());
   facet_lists_.resize(smoothed_.size());
@@ -90,8 +94,8 @@ Eigen::Vector3d Renderer::Ray(int x, int y) const {
   return rays_[static_cast<size_t>(y) * camera_.width + x].cast<double>().normalized();
 }
 
-// With a moving shutter every eighth row's pose is computed and those between interpolated: a camera does not change its
-// motion within a tenth of a millisecond.
+// With a moving shutter every eighth row's pose is computed and those between interpolated: a camera does not change
+// its motion within a tenth of a millisecond.
 void Renderer::FindPoses(const PoseFunction& pose) {
   struct Node {
     Rigid3 begin, middle, end;
@@ -138,7 +142,7 @@ void Renderer::FindPoses(const PoseFunction& pose) {
       }
       for (int lane = 0; lane < 8; ++lane) {
         const RowPose& row = rows_[lane % 2 == 0 ? y0 : y1];
-        const auto copy = [lane](const Motion& from, float (*to)[8]) {
+        const auto copy = [lane](const Motion& from, float(*to)[8]) {
           for (int i = 0; i < 9; ++i) to[i][lane] = from.rotation[i];
           for (int i = 0; i < 3; ++i) to[9 + i][lane] = from.translation[i];
         };
@@ -170,7 +174,8 @@ void Renderer::Render(const PoseFunction& pose, double time, const SensorState& 
   for (const auto& row : smoothed_) {
     for (const Smoothed& pixel : row) light_[pixel.index] = pixel.light;
   }
-  ParallelFor(height, 5 * kTile, options_.num_threads, [&](int begin, int end) { DevelopRows(begin, end, sensor, frame); });
+  ParallelFor(height, 5 * kTile, options_.num_threads,
+              [&](int begin, int end) { DevelopRows(begin, end, sensor, frame); });
 }
 
 void Renderer::CastPixel(int x, int y, const Beam& beam) {

@@ -133,7 +133,8 @@ struct RowKernels {
   // end of the exposure, and whose motion stays inside the picture.
   void (*blur_even)(const Light* light, int width, int x, int y, const Color& offset, Color* blurred);
 
-  // How far the images of eight points are from their pixels at the beginning (0, 1) and the end (2, 3) of the exposure.
+  // How far the images of eight points are from their pixels at the beginning (0, 1) and the end (2, 3) of the
+  // exposure.
   void (*move_corners)(const CornerMotion& motion, const Lens& lens, const CornerPoints& points, Color* moved);
   // Light to values, in place; the first pixel lies at (x, y) from the middle of the picture.
   void (*expose)(const Exposure& exposure, float x, float y, int count, Color* row);

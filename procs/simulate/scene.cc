@@ -283,7 +283,8 @@ void Scene::CastEight(const Eigen::Vector3d* origins, const Eigen::Vector3d* dir
       least_x = std::min(least_x, x[k]), least_y = std::min(least_y, y[k]);
     }
     if (std::abs(least_x) > 1e6 || std::abs(least_y) > 1e6) least_x = least_y = 0;
-    SteepRays rays{static_cast<int>(std::floor(least_x)), static_cast<int>(std::floor(least_y)), {}, {}, {}, {}, {}, {}};
+    SteepRays rays{
+        static_cast<int>(std::floor(least_x)), static_cast<int>(std::floor(least_y)), {}, {}, {}, {}, {}, {}};
     for (int k = 0; k < count; ++k) {
       rays.x[k] = static_cast<float>(x[k] - rays.i), rays.y[k] = static_cast<float>(y[k] - rays.j);
       rays.z[k] = static_cast<float>(origins[k].z() + begin[k] * directions[k].z());
@@ -291,7 +292,7 @@ void Scene::CastEight(const Eigen::Vector3d* origins, const Eigen::Vector3d* dir
       rays.dy[k] = static_cast<float>(directions[k].y() * per_metre);
       rays.dz[k] = static_cast<float>(directions[k].z());
     }
-    const HeightCells cells{&grid,  levels_[0].max.data(),  list_begin_.data(), levels_[0].width, levels_[0].height,
+    const HeightCells cells{&grid, levels_[0].max.data(), list_begin_.data(), levels_[0].width, levels_[0].height,
                             kLeaf, levels_[kLeaf].width};
     float along[8], slope[8];
     const unsigned found = RowKernels::Get().cast_down(cells, rays, missed, along, slope);

@@ -51,8 +51,7 @@ void Renderer::CastTile(int x0, int y0, int x1, int y1, const Beam& beam, const 
     Float8 above, below;
     line(nodes.inverse[b], &above);
     line(nodes.inverse[b + 1], &below);
-    const Float8 depths =
-        above + (below - above) * (static_cast<float>(j & last) / static_cast<float>(nodes.step));
+    const Float8 depths = above + (below - above) * (static_cast<float>(j & last) / static_cast<float>(nodes.step));
     float between[kTile];
     std::memcpy(between, &depths, sizeof between);
     unsigned even = 0, ground = 0;

@@ -40,8 +40,7 @@ void Aim(Random* random, Eigen::Vector3d* origins, Eigen::Vector3d* directions) 
 TEST(RowKernels, RaysOfABeamMeetWhatEachAloneMeets) {
   Scene scene;
   scene.grid = RoughGrid();
-  for (int k = 0; k < 6; ++k)
-    scene.solids.push_back(MakeBox({-20.0 + 8 * k, 15.0 - 7 * k, 4}, {3, 4, 10}, 0.3 * k));
+  for (int k = 0; k < 6; ++k) scene.solids.push_back(MakeBox({-20.0 + 8 * k, 15.0 - 7 * k, 4}, {3, 4, 10}, 0.3 * k));
   scene.Build();
   Random random(3);
   int cast = 0, grounds = 0, others = 0;
@@ -82,8 +81,8 @@ TEST(RowKernels, RaysAreTheSameOnAllProcessors) {
     Random random(8);
     int found_all = 0;
     for (int round = 0; round < 500; ++round) {
-      SteepRays rays{static_cast<int>(random.Uniform(0, 110)), static_cast<int>(random.Uniform(0, 110)), {}, {}, {}, {},
-                     {}, {}};
+      SteepRays rays{
+          static_cast<int>(random.Uniform(0, 110)), static_cast<int>(random.Uniform(0, 110)), {}, {}, {}, {}, {}, {}};
       for (int k = 0; k < 8; ++k) {
         rays.x[k] = static_cast<float>(random.Uniform(0, 4)), rays.y[k] = static_cast<float>(random.Uniform(0, 4));
         rays.z[k] = 7;
@@ -193,8 +192,8 @@ TEST(RowKernels, ValuesAreTheSameOnAllProcessors) {
       EXPECT_EQ(std::memcmp(&exposed[0][1][x], &exposed[1][1][x], sizeof(Color)), 0) << x;
       EXPECT_EQ(std::memcmp(&sharp[0][x], &sharp[1][x], sizeof(Color)), 0) << x;
       const float dx = static_cast<float>(x) - 20;
-      EXPECT_NEAR(exposed[0][1][x][0],
-                  std::sqrt((0.9 * lines[1][x][0] + 900) * 1.1 * (1 - 1e-4 * (dx * dx + 25))), 0.01);
+      EXPECT_NEAR(exposed[0][1][x][0], std::sqrt((0.9 * lines[1][x][0] + 900) * 1.1 * (1 - 1e-4 * (dx * dx + 25))),
+                  0.01);
       double mean = 0;
       for (int k = 0; k < 3; ++k) {
         for (int d = -1; d <= 1; ++d) mean += exposed[0][k][std::clamp(x + d, 0, width - 1)][1] / 9;
