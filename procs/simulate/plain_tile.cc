@@ -131,7 +131,7 @@ bool Renderer::FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_en
   const int width = camera_.width;
   const int xs[] = {x0, x0, x1, x1}, ys[] = {y0, y1, y0, y1};
   Eigen::Vector3d points[4], directions[4];
-  PlainTile tile{x0, y0, x1, y1, x_end, y_end, surface, nullptr, Color{1, 1, 1, 1}, {}, {}, 0, {}, {}};
+  PlainTile tile{x0, y0, x1, y1, x_end, y_end, surface, nullptr, Color{1, 1, 1, 1}, {}, {}, 0, {}, {}, false};
   for (int k = 0; k < 4; ++k) {
     const Eigen::Vector3f& ray = rays_[static_cast<size_t>(ys[k]) * width + xs[k]];
     directions[k] = rows_[ys[k]].rotation * ray.cast<double>();
@@ -164,7 +164,8 @@ bool Renderer::FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_en
     cosine = -std::max(directions[0].z(), directions[3].z());
     tile.foliage = scene_->foliage;
     tile.leaves = scene_->LeavesSeen(directions[0] + directions[3], time_);
-    if (scene_->detail == nullptr || texel_width > 0.53) tile.texture = scene_->ground.get();
+    tile.texture = scene_->ground.get();
+    tile.near = scene_->detail != nullptr && DetailLook::kFading * texel_width * DetailLook::kFirst < 1;
     for (int k = 0; k < 4; ++k) {
       tile.u[k] = (points[k].x() - scene_->grid.x0) * texels - 0.5;
       tile.v[k] = (points[k].y() - scene_->grid.y0) * texels - 0.5;
@@ -260,6 +261,9 @@ bool Renderer::PaintPlainTile(const PlainTile& tile, float lod) {
     v[k] = (tile.v[k] - origin_v) * tile.inverse[k];
   }
   look.grows = grows;
+  DetailLook detail;
+  if (tile.near) detail = scene_->Detail(origin_u, origin_v);
+  const auto texel_angle = static_cast<float>(pixel_angle_ * scene_->ground_texels_per_metre);
   const int width = camera_.width;
   const RowKernels& kernels = RowKernels::Get();
   for (int y = tile.y0; y < tile.y_end; ++y) {
@@ -276,7 +280,9 @@ bool Renderer::PaintPlainTile(const PlainTile& tile, float lod) {
     line(tile.inverse, &row.inverse, &row.inverse_step);
     for (int x = tile.x0; x < tile.x_end; x += 8) {
       const size_t i = static_cast<size_t>(y) * width + x;
-      kernels.paint_plain(look, row, x - tile.x0, PixelsAt(i, std::min(8, tile.x_end - x), y - tile.y0));
+      const PixelRow pixels = PixelsAt(i, std::min(8, tile.x_end - x), y - tile.y0);
+      kernels.paint_plain(look, row, x - tile.x0, pixels);
+      if (tile.near) kernels.add_detail(detail, texel_angle, row, x - tile.x0, pixels);
     }
   }
   return true;

@@ -85,6 +85,7 @@ class Renderer {
     float foliage;      // contrast of leaves, 0 for none
     CanopyView leaves;
     double inverse[4];  // inverse depth: it, and texels times it, are linear in the pixel
+    bool near;          // below the size of a texel detail is seen
   };
 
   struct TileState {

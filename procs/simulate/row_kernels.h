@@ -82,6 +82,7 @@ struct GroundLook {
   double repeat;         // of leaves along u, texels; 0 for never
   CanopyLevels levels;
   CanopyView leaves;
+  DetailLook detail;
 };
 
 // Where the camera is at the beginning and at the end of the exposure, from its pose in the middle, in turn for the
@@ -116,6 +117,8 @@ struct RowKernels {
   void (*draw_plane)(const FacetRow& facets, int plane, const PixelRow& pixels);
   // A piece of a plane from pixel `first` of its row on.
   void (*paint_plain)(const PlainLook& look, const PlainRow& row, int first, const PixelRow& pixels);
+  // What paint_plain has painted, with detail. texel_angle: as of GroundLook.
+  void (*add_detail)(const DetailLook& look, float texel_angle, const PlainRow& row, int first, const PixelRow& pixels);
   // Where rays of `lanes` meet the ground: metres along them, and its slope. Returns the lanes that are certain; the
   // others have left the grid or come to a block with solids.
   unsigned (*cast_down)(const HeightCells& cells, const SteepRays& rays, unsigned lanes, float* distance, float* slope);

@@ -60,6 +60,19 @@ struct Beam {
   bool solids = true;
 };
 
+// Below the size of a texel: ever finer copies of a grey picture, each fading in as the camera comes near.
+struct DetailLook {
+  static constexpr double kFirst = 2.7, kGrowth = 3.1;  // texels of the picture per texel of the ground
+  static constexpr int kCopies = 4;
+  // How much of a copy is seen by a pixel that covers `width` texels of the ground; nothing below 0.
+  static constexpr double kFading = 0.7;  // 1 - kFading * width * copy
+
+  const Texture* texture = nullptr;  // mean 128, repeated; null for none
+  int last_level = 0;
+  float contrast = 0;                 // per grey level
+  double origin_u = 0, origin_v = 0;  // texels of the ground from here on
+};
+
 // A textured height field with convex solids on it. Immutable after Build; safe to share between threads.
 class Scene {
  public:
@@ -110,6 +123,8 @@ class Scene {
   Color Shade(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, const Hit& hit, double pixel_angle,
               double time = 0) const;
 
+  // For texels of the ground from (u, v) on; there is detail.
+  DetailLook Detail(double u, double v) const;
   Color ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& direction, double footprint, double slope,
                     double time) const;
   CanopyView LeavesSeen(const Eigen::Vector3d& direction, double time) const {

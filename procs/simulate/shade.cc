@@ -23,6 +23,10 @@ Color SampleFootprint(const Texture& texture, float x, float y, float step_x, fl
 
 }  // namespace
 
+DetailLook Scene::Detail(double u, double v) const {
+  return {detail.get(), detail->LastWhole(), ground_detail * (1.f / 128), u, v};
+}
+
 Color Scene::ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& direction, double footprint, double slope,
                          double time) const {
   const double scale = ground_texels_per_metre;
@@ -45,7 +49,6 @@ Color Scene::ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& di
         Canopy(x - turns * ground_repeat, y, up, Log2(static_cast<float>(width)), LeavesSeen(direction, time));
     color *= 1.f + foliage * (1.f / 255) * color[3] * leaves;
   }
-  // Below the size of a ground texel: ever finer copies of a grey picture, each fading in as the camera comes near.
   if (detail == nullptr) return color;
   if (steep > 1 && foliage <= 0) {
     const int size = detail->Width();
@@ -54,14 +57,14 @@ Color Scene::ShadeGround(const Eigen::Vector3d& point, const Eigen::Vector3d& di
                                       Log2(static_cast<float>(width)))[0];
     color *= 1.f + 2.5f * ground_detail * static_cast<float>(std::min(1.0, steep - 1)) * (grey - 128.f) * (1.f / 128);
   }
-  double octave = 2.7;
-  for (int i = 0; i < 4; ++i, octave *= 3.1) {
-    const double weight = std::min(1.0, 1.0 - 0.7 * width * octave);
+  double copy = DetailLook::kFirst;
+  for (int i = 0; i < DetailLook::kCopies; ++i, copy *= DetailLook::kGrowth) {
+    const double weight = 1 - DetailLook::kFading * width * copy;
     if (weight <= 0) break;
     const int size = detail->Width();
     const auto wrap = [size](double v) { return static_cast<float>(v - std::floor(v / size) * size); };
-    const float lod = Log2(static_cast<float>(std::max(width * octave, 1e-6)));
-    const float grey = detail->Sample(wrap(octave * (0.8 * x + 0.6 * y)), wrap(octave * (0.8 * y - 0.6 * x)), lod)[0];
+    const float lod = Log2(static_cast<float>(std::max(width * copy, 1e-6)));
+    const float grey = detail->Sample(wrap(copy * (0.8 * x + 0.6 * y)), wrap(copy * (0.8 * y - 0.6 * x)), lod)[0];
     color *= 1.f + ground_detail * static_cast<float>(weight) * (grey - 128.f) * (1.f / 128);
   }
   return color;

@@ -199,11 +199,9 @@ void Renderer::ShadeTile(const UnevenTile& tile) {
   };
   const size_t middle = static_cast<size_t>(tile.y0 + kTile / 2) * camera_.width + tile.x0 + kTile / 2;
   const double texels = scene_->ground_texels_per_metre, texel_angle = pixel_angle_ * texels;
-  // The common case, seen steeply from above and not from near: a pixel needs one lookup, leaves are those of the whole
-  // tile's direction and distance.
-  const bool steep_view = view.z() < -0.75;
-  const bool common =
-      steep_view && scene_->foliage > 0 && (scene_->detail == nullptr || distance_[middle] * texel_angle > 0.6);
+  // The common case, seen steeply from above: a pixel needs one lookup, leaves are those of the whole tile's direction
+  // and distance.
+  const bool common = view.z() < -0.75 && scene_->foliage > 0;
   const auto scale = static_cast<float>(texels);
   const GroundLook look{scene_->ground.get(),
                         scene_->ground->LastWhole(),
@@ -214,7 +212,8 @@ void Renderer::ShadeTile(const UnevenTile& tile) {
                         scene_->foliage * (1.f / 255),
                         scene_->ground_repeat,
                         CanopyLevels(static_cast<float>(std::log2(std::max(distance_[middle] * texel_angle, 1e-3)))),
-                        scene_->LeavesSeen(view, time_)};
+                        scene_->LeavesSeen(view, time_),
+                        scene_->detail != nullptr ? scene_->Detail(0, 0) : DetailLook()};
   for (int j = 0; j < kTile; ++j) {
     const int y = tile.y0 + j;
     const size_t row = static_cast<size_t>(y) * camera_.width + tile.x0;

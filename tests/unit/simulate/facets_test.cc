@@ -184,6 +184,49 @@ TEST(RowKernels, EvenGroundIsTheSameOnAllProcessors) {
   }
 }
 
+TEST(RowKernels, DetailIsTheSameOnAllProcessorsAndThatOfSinglePixels) {
+  Scene scene;
+  Random random(8);
+  Image plain(256, 256), grey(64, 64);
+  for (uint32_t& texel : plain.texels) texel = Pack(Color{100, 120, 90, 0});
+  for (uint32_t& texel : grey.texels) texel = Pack(Color{} + static_cast<float>(random.Uniform(60, 196)));
+  scene.ground = std::make_shared<Texture>(plain);
+  scene.detail = std::make_shared<Texture>(grey);
+  scene.ground_detail = 0.5f;
+  const Texture& ground = *scene.ground;
+  // A camera 2.5 m above texel (40, 50), that looks straight down and sees a tenth of a texel with a pixel.
+  constexpr double kHeight = 2.5, kAngle = 0.04;
+  constexpr float kTexels = 1;
+  PlainLook look{};
+  look.levels[0] = {ground.Level(0).texels.data(), 256, 1, 40, 50};
+  look.tint = Color{1, 1, 1, 1};
+  const PlainRow row{3 / 2.5f, 0.04f, 2 / 2.5f, 0.01f, 1 / 2.5f, 0};
+  const float stretch[8] = {1, 1, 1, 1, 1, 1, 1, 1};
+  float distance[2][8] = {};
+  int surface[2][8] = {};
+  Light light[2][8] = {};
+  for (const int count : {8, 5}) {
+    for (const int which : {0, 1}) {
+      const RowKernels& kernels = which == 0 ? RowKernels::Portable() : RowKernels::Get();
+      const PixelRow pixels{stretch, stretch, stretch, distance[which], surface[which], light[which], count, 0};
+      kernels.paint_plain(look, row, 0, pixels);
+      kernels.add_detail(scene.Detail(40, 50), static_cast<float>(kAngle) * kTexels, row, 0, pixels);
+    }
+    EXPECT_EQ(std::memcmp(light[0], light[1], sizeof light[0]), 0);
+  }
+  double least = 1e9, greatest = 0;
+  for (int k = 0; k < 8; ++k) {
+    const double u = 40 + (row.u + k * row.du) * kHeight, v = 50 + (row.v + k * row.dv) * kHeight;
+    const Color expected = scene.ShadeGround({u + 0.5, v + 0.5, 0}, {0, 0, -1}, kHeight * kAngle, 0, 0);
+    for (int c = 0; c < 3; ++c) {
+      EXPECT_NEAR(std::sqrt(static_cast<double>(light[0][k][c])), static_cast<double>(expected[c]), 1.5) << k;
+    }
+    least = std::min(least, static_cast<double>(expected[1])),
+    greatest = std::max(greatest, static_cast<double>(expected[1]));
+  }
+  EXPECT_GT(greatest - least, 10);
+}
+
 TEST(RowKernels, GroundIsTheSameOnAllProcessors) {
   HeightGrid grid;
   grid.x0 = grid.y0 = -30;
@@ -196,8 +239,8 @@ TEST(RowKernels, GroundIsTheSameOnAllProcessors) {
   Random random(4);
   for (uint32_t& texel : picture.texels) texel = Pack(Color{90, static_cast<float>(random.Uniform(40, 200)), 60, 200});
   const Texture texture(picture);
-  const GroundLook look{&texture, texture.LastWhole(), 8,          240, 240, 8e-3f, 0.5f / 255,
-                        0,        CanopyLevels(-0.4f), {40, 90, 7}};
+  const GroundLook look{&texture, texture.LastWhole(), 8,           240, 240, 8e-3f, 0.5f / 255,
+                        0,        CanopyLevels(-0.4f), {40, 90, 7}, {}};
   const WorldRow world{{1, 2, 80}, Color{1, 0, 0, 0}, Color{0, -1, 0, 0}, Color{0.02f, 0.01f, -1, 0}};
   float x[8], y[8], stretch[8], inverse[8];
   int settled = 0;
