@@ -2,6 +2,7 @@
 // them.
 #include <cmath>
 #include <cstring>
+#include <optional>
 
 #include "procs/simulate/renderer.h"
 
@@ -185,6 +186,10 @@ bool Renderer::FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_en
       PaintPlainTile(tile, static_cast<float>(std::log2(std::max(texel_width, 1e-3)))))
     return true;
   if (large) return false;
+  const Eigen::Vector3d view = (directions[0] + directions[3]).normalized();
+  std::optional<GroundLook> look;
+  if (surface == Hit::kGround && x_end - x0 == kTile && CanShadeRows(view))
+    look = LookOfGround(view, footprint / pixel_angle_);
   for (int y = y0; y < y_end; ++y) {
     const double b = static_cast<double>(y - y0) / (y1 - y0);
     Eigen::Vector4d p = at(0, b);
@@ -194,9 +199,12 @@ bool Renderer::FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_en
       const Hit hit{ray_stretch_[row + x] / p[3], surface, 0};
       distance_[row + x] = static_cast<float>(hit.distance);
       surface_[row + x] = surface;
+      if (look) continue;
       const Eigen::Vector3d direction = rows_[y].rotation * rays_[row + x].cast<double>();
       light_[row + x] = PackLight(scene_->Shade(rows_[y].center, direction, hit, pixel_angle_, time_));
     }
+    constexpr float kLevel[kTile] = {};
+    if (look) RowKernels::Get().shade_ground(*look, WorldOf(y), kLevel, 0xff, PixelsAt(row + x0, kTile, y - y0));
   }
   return true;
 }

@@ -149,6 +149,12 @@ class Renderer {
   bool PaintPlainTile(const PlainTile& tile, float lod);
   // Colours of a whole tile whose distances and surfaces are known.
   void ShadeTile(const UnevenTile& tile);
+  WorldRow WorldOf(int y) const;
+  // Whether RowKernels::shade_ground serves for ground seen in this direction: near the horizon leaves differ too much
+  // within a tile.
+  bool CanShadeRows(const Eigen::Vector3d& view) const;
+  // Ground in this direction, so many metres away.
+  GroundLook LookOfGround(const Eigen::Vector3d& view, double distance) const;
   void SmoothEdges(int tile_row, std::vector<Smoothed>* smoothed) const;
   // Bit k: pixel x + k of four differs from a neighbour.
   unsigned Edges(int x, int y) const;

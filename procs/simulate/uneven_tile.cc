@@ -17,18 +17,7 @@ void Renderer::CastTile(int x0, int y0, int x1, int y1, const Beam& beam, const 
     return;
   }
   UnevenTile tile{x0, y0, {}, {}};
-  for (int j = 0; j < kTile; ++j) {
-    const RowPose& row = rows_[y0 + j];
-    const auto part = [&](int axis) {
-      return Color{static_cast<float>(row.rotation(axis, 0)), static_cast<float>(row.rotation(axis, 1)),
-                   static_cast<float>(row.rotation(axis, 2)), 0.f};
-    };
-    tile.world[j] = {
-        {static_cast<float>(row.center.x()), static_cast<float>(row.center.y()), static_cast<float>(row.center.z())},
-        part(0),
-        part(1),
-        part(2)};
-  }
+  for (int j = 0; j < kTile; ++j) tile.world[j] = WorldOf(y0 + j);
   // On open ground rays are cast through every fourth pixel at first.
   const bool open = !beam.solids && hits[0].surface == Hit::kGround && hits[1].surface == Hit::kGround &&
                     hits[2].surface == Hit::kGround && hits[3].surface == Hit::kGround;
@@ -170,6 +159,35 @@ bool Renderer::TileNodes::Smooth() const {
   return true;
 }
 
+WorldRow Renderer::WorldOf(int y) const {
+  const RowPose& row = rows_[y];
+  const auto part = [&](int axis) {
+    return Color{static_cast<float>(row.rotation(axis, 0)), static_cast<float>(row.rotation(axis, 1)),
+                 static_cast<float>(row.rotation(axis, 2)), 0.f};
+  };
+  return {{static_cast<float>(row.center.x()), static_cast<float>(row.center.y()), static_cast<float>(row.center.z())},
+          part(0),
+          part(1),
+          part(2)};
+}
+
+bool Renderer::CanShadeRows(const Eigen::Vector3d& view) const { return view.z() < -0.3 && scene_->foliage > 0; }
+
+GroundLook Renderer::LookOfGround(const Eigen::Vector3d& view, double distance) const {
+  const double texels = scene_->ground_texels_per_metre, texel_angle = pixel_angle_ * texels;
+  return {scene_->ground.get(),
+          scene_->ground->LastWhole(),
+          static_cast<float>(texels),
+          static_cast<float>(-scene_->grid.x0 * texels - 0.5),
+          static_cast<float>(-scene_->grid.y0 * texels - 0.5),
+          static_cast<float>(texel_angle),
+          scene_->foliage * (1.f / 255),
+          scene_->ground_repeat,
+          CanopyLevels(static_cast<float>(std::log2(std::max(distance * texel_angle, 1e-3)))),
+          scene_->LeavesSeen(view, time_),
+          scene_->detail != nullptr ? scene_->Detail(0, 0) : DetailLook()};
+}
+
 void Renderer::ShadeTile(const UnevenTile& tile) {
   const Eigen::Vector3d view = Direction(tile.x0 + kTile / 2, tile.y0 + kTile / 2);
   // A face seen steeply needs one lookup a pixel, all of the same level of detail.
@@ -198,22 +216,8 @@ void Renderer::ShadeTile(const UnevenTile& tile) {
     light_[k] = PackLight(scene_->Shade(rows_[y].center, Direction(x, y), hit, pixel_angle_, time_));
   };
   const size_t middle = static_cast<size_t>(tile.y0 + kTile / 2) * camera_.width + tile.x0 + kTile / 2;
-  const double texels = scene_->ground_texels_per_metre, texel_angle = pixel_angle_ * texels;
-  // The common case, seen steeply from above: a pixel needs one lookup, leaves are those of the whole tile's direction
-  // and distance.
-  const bool common = view.z() < -0.75 && scene_->foliage > 0;
-  const auto scale = static_cast<float>(texels);
-  const GroundLook look{scene_->ground.get(),
-                        scene_->ground->LastWhole(),
-                        scale,
-                        static_cast<float>(-scene_->grid.x0 * texels - 0.5),
-                        static_cast<float>(-scene_->grid.y0 * texels - 0.5),
-                        static_cast<float>(texel_angle),
-                        scene_->foliage * (1.f / 255),
-                        scene_->ground_repeat,
-                        CanopyLevels(static_cast<float>(std::log2(std::max(distance_[middle] * texel_angle, 1e-3)))),
-                        scene_->LeavesSeen(view, time_),
-                        scene_->detail != nullptr ? scene_->Detail(0, 0) : DetailLook()};
+  const bool common = CanShadeRows(view);
+  const GroundLook look = LookOfGround(view, distance_[middle]);
   for (int j = 0; j < kTile; ++j) {
     const int y = tile.y0 + j;
     const size_t row = static_cast<size_t>(y) * camera_.width + tile.x0;

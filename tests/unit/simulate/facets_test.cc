@@ -227,6 +227,45 @@ TEST(RowKernels, DetailIsTheSameOnAllProcessorsAndThatOfSinglePixels) {
   EXPECT_GT(greatest - least, 10);
 }
 
+TEST(RowKernels, GroundAtASlantIsTheSameOnAllProcessorsAndThatOfSinglePixels) {
+  Scene scene;
+  Random random(9);
+  Image picture(1024, 1024);
+  for (uint32_t& texel : picture.texels) texel = Pack(Color{} + static_cast<float>(random.Uniform(20, 230)));
+  scene.ground = std::make_shared<Texture>(picture);
+  const Texture& ground = *scene.ground;
+  constexpr float kHeight = 40, kAngle = 0.05f;
+  const GroundLook look{&ground, ground.LastWhole(), 1, -0.5f, -0.5f, kAngle, 0, 0, CanopyLevels(1), {0, 0, 0}, {}};
+  for (const double tilt_deg : {70.0, 45.0, 30.0}) {  // 90 is straight down
+    const auto down = static_cast<float>(std::sin(tilt_deg * M_PI / 180)),
+               ahead = static_cast<float>(std::cos(tilt_deg * M_PI / 180));
+    // Right is east; the picture's down is that of the ground before the camera.
+    const WorldRow world{{500, 400, kHeight}, Color{1, 0, 0, 0}, Color{0, -down, ahead, 0}, Color{0, -ahead, -down, 0}};
+    float x[8], y[8], stretch[8], distance[8];
+    const float level[8] = {};
+    int surface[8] = {};
+    for (int i = 0; i < 8; ++i) {
+      x[i] = 0.05f * static_cast<float>(i) - 0.2f, y[i] = 0.03f;
+      stretch[i] = std::sqrt(1 + x[i] * x[i] + y[i] * y[i]);
+      distance[i] = kHeight / (ahead * y[i] + down) * stretch[i];
+    }
+    Light light[2][8] = {};
+    for (const int which : {0, 1}) {
+      const RowKernels& kernels = which == 0 ? RowKernels::Portable() : RowKernels::Get();
+      kernels.shade_ground(look, world, level, 255, {x, y, stretch, distance, surface, light[which], 8, 0});
+    }
+    EXPECT_EQ(std::memcmp(light[0], light[1], sizeof light[0]), 0);
+    for (int i = 0; i < 8; ++i) {
+      const double s = 1 / static_cast<double>(stretch[i]);
+      const Eigen::Vector3d direction(x[i] * s, (ahead - down * y[i]) * s, -(ahead * y[i] + down) * s);
+      const double d = static_cast<double>(distance[i]);
+      const Color expected = scene.ShadeGround(Eigen::Vector3d(500, 400, static_cast<double>(kHeight)) + d * direction,
+                                               direction, d * static_cast<double>(kAngle), 0, 0);
+      EXPECT_NEAR(std::sqrt(static_cast<double>(light[0][i][1])), static_cast<double>(expected[1]), 2) << tilt_deg;
+    }
+  }
+}
+
 TEST(RowKernels, GroundIsTheSameOnAllProcessors) {
   HeightGrid grid;
   grid.x0 = grid.y0 = -30;
