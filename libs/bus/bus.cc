@@ -15,11 +15,8 @@
 #include <cstdlib>
 #include <fstream>
 #include <mutex>
-#include <optional>
 #include <stdexcept>
 #include <thread>
-
-#include "libs/bus/connection_notice.h"
 
 namespace mapmend {
 namespace {
@@ -150,19 +147,14 @@ Bus::Bus(const std::string& url, const std::string& channel_prefix) : impl_(std:
   const std::string checked = CheckedUrl(url);
   impl_->prefix = channel_prefix;
   impl_->is_tcp = checked.starts_with("tcpq");
-  const auto connect = [&] {
-    std::optional<ConnectionNoticeFilter> quiet;
-    if (impl_->is_tcp) quiet.emplace();
-    return lcm_create(checked.c_str());
-  };
-  impl_->receiver.reset(connect());
+  impl_->receiver.reset(lcm_create(checked.c_str()));
   if (!impl_->receiver) {
     throw std::runtime_error(
         "LCM URL '" + checked + "' cannot be used" +
         (checked.starts_with("udpm") ? "; is there a multicast route ('ip route add 224.0.0.0/4 dev lo')?" : ""));
   }
   if (impl_->is_tcp) {
-    impl_->publisher.reset(connect());
+    impl_->publisher.reset(lcm_create(checked.c_str()));
     for (lcm_t* lcm : {impl_->receiver.get(), impl_->publisher.get()}) {
       const int fd = lcm == nullptr ? -1 : lcm_get_fileno(lcm);
       if (fd >= 0) ConfigureSocket(fd);

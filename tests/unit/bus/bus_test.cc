@@ -4,12 +4,10 @@
 
 #include <atomic>
 #include <chrono>
-#include <cstdio>
 #include <mapmend/ack_t.hpp>
 #include <mapmend/fetched_t.hpp>
 #include <thread>
 
-#include "libs/bus/connection_notice.h"
 #include "libs/bus/hub.h"
 
 namespace mapmend {
@@ -137,20 +135,6 @@ TEST(Bus, StartsBeforeTheHubDoes) {
     bus.Publish("X", MakeAck(3));
     return heard == 3;
   }));
-}
-
-TEST(Bus, ConnectsWithoutAWordAndKeepsThoseOfOthers) {
-  RunningHub hub;
-  ::testing::internal::CaptureStderr();
-  { const Bus bus(hub.Url(), ""); }
-  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
-  ::testing::internal::CaptureStderr();
-  {
-    const ConnectionNoticeFilter quiet;
-    std::fprintf(stderr, "before\nLCM tcpq: connecting...\nafter");
-  }
-  std::fprintf(stderr, ", LCM tcpq: connecting...\n");
-  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "before\nafter, LCM tcpq: connecting...\n");
 }
 
 TEST(Bus, CountsAndDropsWhatDoesNotDecode) {
