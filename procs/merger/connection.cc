@@ -22,8 +22,10 @@ struct MatchesOfPairs {
   }
 };
 
-std::vector<CrossMatch> Thinned(const std::vector<CrossMatch>& all, size_t max_size) {
-  std::vector<CrossMatch> thinned;
+// Evenly chosen, at most so many.
+template <typename T>
+std::vector<T> Thinned(const std::vector<T>& all, size_t max_size) {
+  std::vector<T> thinned;
   const size_t n = std::min(all.size(), max_size);
   for (size_t i = 0; i < n; ++i) thinned.push_back(all[i * all.size() / n]);
   return thinned;
@@ -46,10 +48,7 @@ std::vector<Eigen::Vector3d> Probes(const Connection& c, const Submap& a) {
     }
   }
   constexpr size_t kMaxProbes = 30;
-  std::vector<Eigen::Vector3d> probes;
-  const size_t n = std::min(all.size(), kMaxProbes);
-  for (size_t i = 0; i < n; ++i) probes.push_back(all[i * all.size() / n]);
-  return probes;
+  return Thinned(all, kMaxProbes);
 }
 
 double ViewingDistance(const Connection& c, const Submap& a) {
