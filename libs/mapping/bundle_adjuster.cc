@@ -16,6 +16,19 @@ namespace {
 constexpr int kPointGroup = 0, kPoseGroup = 1;  // the order of elimination
 constexpr int kMaxDensePoses = 60;
 
+class ReadoutPrior : public ceres::SizedCostFunction<1, 1> {
+ public:
+  explicit ReadoutPrior(double sigma) : inverse_sigma_(1 / sigma) {}
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+    residuals[0] = inverse_sigma_ * parameters[0][0];
+    if (jacobians && jacobians[0]) jacobians[0][0] = inverse_sigma_;
+    return true;
+  }
+
+ private:
+  double inverse_sigma_;
+};
+
 void RefineOthers(const BundleOptions& options, const std::vector<uint8_t>& chosen, const ObservationsByPoint& by_point,
                   BundleProblem* problem) {
   std::vector<Eigen::Matrix3d> rotations;
@@ -84,6 +97,7 @@ BundleSummary BundleAdjuster::Adjust(const BundleOptions& options, BundleProblem
   Kept& kept = *kept_;
   kept.MakeRoom(problem->poses.size(), problem->points.size());
   ceres::HuberLoss loss(options.huber);
+  ReadoutPrior pull(options.readout_sigma);
   ceres::Problem::Options problem_options;
   problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
@@ -114,10 +128,26 @@ BundleSummary BundleAdjuster::Adjust(const BundleOptions& options, BundleProblem
     }
   }
   kept.num_costs = 0;
-  for (const BundleObservation& o : problem->observations) {
+  std::deque<RollingShutterCost> rolling_costs;
+  std::vector<double> readouts = problem->readouts;
+  for (double& readout : readouts) {
+    ceres_problem.AddParameterBlock(&readout, 1);
+    ceres_problem.AddResidualBlock(&pull, nullptr, &readout);
+    kept.ordering->AddElementToGroup(&readout, kPoseGroup);
+  }
+  for (size_t i = 0; i < problem->observations.size(); ++i) {
+    const BundleObservation& o = problem->observations[i];
     if (!chosen[o.point]) continue;
-    ceres_problem.AddResidualBlock(kept.NextCost(*problem, o), &loss, kept.poses->Step(o.pose),
-                                   kept.points[o.point].data());
+    if (readouts.empty()) {
+      ceres_problem.AddResidualBlock(kept.NextCost(*problem, o), &loss, kept.poses->Step(o.pose),
+                                     kept.points[o.point].data());
+      continue;
+    }
+    const int camera = problem->poses[o.pose].camera;
+    rolling_costs.emplace_back(problem->cameras[camera], kept.poses->At(o.pose), o.pixel, o.sigma,
+                               problem->shutter_correction[i].cast<double>());
+    ceres_problem.AddResidualBlock(&rolling_costs.back(), &loss, kept.poses->Step(o.pose), kept.points[o.point].data(),
+                                   &readouts[problem->readout_of_camera[camera]]);
   }
   kept.poses->PrepareForEvaluation(true, true);
 
@@ -132,12 +162,14 @@ BundleSummary BundleAdjuster::Adjust(const BundleOptions& options, BundleProblem
   if (options.max_seconds > 0) solver_options.max_solver_time_in_seconds = options.max_seconds;
   ceres::Solver::Summary summary;
   ceres::Solve(solver_options, &ceres_problem, &summary);
+  for (double& readout : readouts) kept.ordering->Remove(&readout);
 
   result.iterations = static_cast<int>(summary.iterations.size());
   result.initial_cost = summary.initial_cost;
   result.final_cost = summary.final_cost;
   result.success = summary.IsSolutionUsable();
   if (!result.success) return result;
+  problem->readouts = readouts;
   for (size_t i = 0; i < pose_used.size(); ++i) {
     if (pose_used[i] && !problem->poses[i].fixed) problem->poses[i].cam_from_world = kept.poses->Result(i);
   }

@@ -29,6 +29,11 @@ struct BundleProblem {
   std::vector<BundlePose> poses;        // at least one fixed, or the gauge is left to the damping; scale needs two
   std::vector<Eigen::Vector3d> points;  // world frame
   std::vector<BundleObservation> observations;
+
+  // Readout times of rolling shutters (rolling_shutter.h), unknowns too; empty: all pixels are as they are.
+  std::vector<double> readouts;                     // seconds
+  std::vector<int> readout_of_camera;               // index into readouts per camera
+  std::vector<Eigen::Vector2f> shutter_correction;  // per observation, pixels per second of readout time
 };
 
 struct BundleOptions {
@@ -38,6 +43,7 @@ struct BundleOptions {
   int points_per_pose =
       0;  // 0: all. Else poses follow from about so many points each, and the other points from the poses
   double initial_trust_radius = 1e4;  // of Levenberg-Marquardt: larger, and the first steps are those of Gauss-Newton
+  double readout_sigma = 0.03;        // seconds; readout times are drawn to zero by so much
   double max_seconds = 0;             // 0: no bound. A bound makes the result depend on the machine: live use only.
 };
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "libs/mapping/submap.h"
@@ -11,6 +12,8 @@ struct SubmapView {
   const Submap* submap = nullptr;
   Pinhole camera;
   Pyramid pyramid;
+  Camera real = {};         // what `camera` is the ideal of; without a height, as if it were the ideal one
+  std::string flight = {};  // the session; submaps of one flight have one shutter
 };
 
 // A keyframe of the same submap and the number of map points it shares with another.

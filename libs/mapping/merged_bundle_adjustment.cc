@@ -4,8 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <string>
 
 #include "libs/mapping/reprojection_cost.h"
+#include "libs/mapping/text_format.h"
 
 namespace mapmend {
 namespace {
@@ -33,7 +36,7 @@ void RefinePoint(const MergedMap& map, MergedPoint* point) {
       const Keypoint& keypoint = keyframe.keyframe->features.keypoints[e.feature];
       const double sigma = map.PyramidOf(e.keyframe).Sigma(keypoint.octave);
       const Eigen::Vector3d x = keyframe.cam_from_root * point->position;
-      const Eigen::Vector2d r = (map.CameraOf(e.keyframe).Project(x) - keypoint.pixel.cast<double>()) / sigma;
+      const Eigen::Vector2d r = (map.CameraOf(e.keyframe).Project(x) - map.Pixel(e, x)) / sigma;
       const Eigen::Matrix<double, 2, 3> J =
           ProjectionJacobian(map.CameraOf(e.keyframe), x) * keyframe.cam_from_root.rotation.toRotationMatrix() / sigma;
       const double weight = r.norm() <= kHuber ? 1 : kHuber / r.norm();
@@ -95,6 +98,31 @@ int RemoveOutliers(double max_squared_error, const std::vector<char>& among, Mer
   return removed;
 }
 
+// One unknown per flight.
+void AddReadouts(const MergedMap& map, BundleProblem* problem) {
+  std::map<std::string, int> flights;
+  for (size_t s = 0; s < map.submaps.size(); ++s) {
+    const auto [it, is_new] = flights.try_emplace(map.submaps[s].flight, static_cast<int>(flights.size()));
+    problem->readout_of_camera.push_back(it->second);
+    if (is_new) problem->readouts.push_back(map.readouts[s]);
+  }
+}
+
+bool AreTaken(const std::vector<double>& readouts, const BundleSummary& bundle, const MergedBundleOptions& options) {
+  const auto is_plausible = [&](double t) { return std::abs(t) <= options.max_readout; };
+  const auto is_noticeable = [&](double t) { return std::abs(t) >= options.min_readout; };
+  return bundle.final_cost <= (1 - options.min_gain) * bundle.initial_cost &&
+         std::all_of(readouts.begin(), readouts.end(), is_plausible) &&
+         std::any_of(readouts.begin(), readouts.end(), is_noticeable);
+}
+
+// For people.
+std::string ReadoutsInText(const std::vector<double>& readouts) {
+  std::string text;
+  for (const double t : readouts) text += Format("%s%.1f ms", text.empty() ? "" : ", ", 1e3 * t);
+  return text;
+}
+
 }  // namespace
 
 void RefinePoints(MergedMap* map, const std::vector<char>* only) {
@@ -143,6 +171,7 @@ MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMa
   const std::vector<char> selected = SelectPoints(*map, options.points_per_keyframe);
   BundleProblem problem;
   for (const SubmapView& submap : map->submaps) problem.cameras.push_back(submap.camera);
+  if (options.find_readouts) AddReadouts(*map, &problem);
   for (size_t k = 0; k < map->keyframes.size(); ++k) {
     problem.poses.push_back({map->keyframes[k].cam_from_root, !is_free[k], map->keyframes[k].submap});
   }
@@ -151,8 +180,15 @@ MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMa
     if (!selected[i] || !is_touched[i]) continue;
     for (const TrackElement& e : map->points[i].track) {
       const Keypoint& keypoint = map->keyframes[e.keyframe].keyframe->features.keypoints[e.feature];
-      problem.observations.push_back({e.keyframe, static_cast<int>(index.size()), keypoint.pixel.cast<double>(),
-                                      map->PyramidOf(e.keyframe).Sigma(keypoint.octave)});
+      const Eigen::Vector3d x = map->keyframes[e.keyframe].cam_from_root * map->points[i].position;
+      const double sigma = map->PyramidOf(e.keyframe).Sigma(keypoint.octave);
+      Eigen::Vector2d pixel = keypoint.pixel.cast<double>();
+      if (!options.find_readouts) {
+        pixel = map->Pixel(e, x);
+      } else {
+        problem.shutter_correction.push_back(map->ShutterCorrection(e, x).cast<float>());
+      }
+      problem.observations.push_back({e.keyframe, static_cast<int>(index.size()), pixel, sigma});
     }
     index.push_back(static_cast<int>(i));
     problem.points.push_back(map->points[i].position);
@@ -165,6 +201,17 @@ MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMa
   summary.initial_cost = bundle.initial_cost;
   summary.final_cost = bundle.final_cost;
   if (!bundle.success) return summary;
+  if (options.find_readouts) {
+    summary.reason = ReadoutsInText(problem.readouts);
+    summary.success = AreTaken(problem.readouts, bundle, options);
+    if (!summary.success) {
+      summary.reason += ", not taken";
+      return summary;
+    }
+    for (size_t s = 0; s < map->submaps.size(); ++s) {
+      map->readouts[s] = problem.readouts[problem.readout_of_camera[s]];
+    }
+  }
   const std::vector<MergedKeyframe> before = map->keyframes;
   for (size_t k = 0; k < map->keyframes.size(); ++k) {
     if (is_free[k]) map->keyframes[k].cam_from_root = problem.poses[k].cam_from_world;

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "libs/mapping/bundle_adjustment.h"
 #include "libs/mapping/merged_map.h"
 
@@ -10,7 +13,12 @@ struct MergedBundleOptions {
   // Points that take part in the joint solution: for each keyframe at least this many of its longest tracks. The others
   // follow, each fitted to the solved poses. 0: all points take part.
   int points_per_keyframe = 250;
-  double outlier_squared_error = 9.21;  // sigma^2; observations beyond it are removed after the adjustment
+  // Readout times of the flights' rolling shutters are unknowns too. The result is taken only if it lowers the cost by
+  // this fraction and each is a readout time that there could be; else the map stays as it is.
+  bool find_readouts = false;
+  double min_gain = 0.02;  // 0.002 to 0.006 where all rows were read at once, 0.05 to 0.2 elsewhere
+  double min_readout = 0.002, max_readout = 0.1;  // seconds, either way: a camera may be mounted upside down
+  double outlier_squared_error = 9.21;            // sigma^2; observations beyond it are removed after the adjustment
 };
 
 struct MergedBundleSummary {
@@ -19,6 +27,7 @@ struct MergedBundleSummary {
   int num_iterations = 0;
   int num_removed = 0;  // outlier observations
   double initial_cost = 0, final_cost = 0;
+  std::string reason;  // of finding readout times or not
 };
 
 // Bundle adjustment of a merged map: all poses but keyframe 0, all points. With a window (keyframes), the poses of its

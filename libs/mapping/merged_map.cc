@@ -6,13 +6,28 @@
 
 namespace mapmend {
 
+Eigen::Vector2d MergedMap::ShutterCorrection(const TrackElement& element, const Eigen::Vector3d& x_cam) const {
+  const MergedKeyframe& keyframe = keyframes[element.keyframe];
+  const SubmapView& view = submaps[keyframe.submap];
+  const Eigen::Vector2d pixel = keyframe.keyframe->features.keypoints[element.feature].pixel.cast<double>();
+  return mapmend::ShutterCorrection(view.camera, keyframe.motion, x_cam / keyframe.scale,
+                                    RowHeight(view.camera, view.real, pixel));
+}
+
+Eigen::Vector2d MergedMap::Pixel(const TrackElement& element, const Eigen::Vector3d& x_cam) const {
+  const MergedKeyframe& keyframe = keyframes[element.keyframe];
+  const Eigen::Vector2d pixel = keyframe.keyframe->features.keypoints[element.feature].pixel.cast<double>();
+  const double readout = readouts[keyframe.submap];
+  return readout == 0 ? pixel : Eigen::Vector2d(pixel + readout * ShutterCorrection(element, x_cam));
+}
+
 double MergedMap::SquaredError(const MergedPoint& point, const TrackElement& element) const {
   const MergedKeyframe& keyframe = keyframes[element.keyframe];
   const Eigen::Vector3d x = keyframe.cam_from_root * point.position;
   if (!(x.z() > 0)) return std::numeric_limits<double>::infinity();
   const Keypoint& keypoint = keyframe.keyframe->features.keypoints[element.feature];
   const double sigma = PyramidOf(element.keyframe).Sigma(keypoint.octave);
-  return (CameraOf(element.keyframe).Project(x) - keypoint.pixel.cast<double>()).squaredNorm() / (sigma * sigma);
+  return (CameraOf(element.keyframe).Project(x) - Pixel(element, x)).squaredNorm() / (sigma * sigma);
 }
 
 int MergedMap::FindKeyframe(int submap, KeyframeId id) const {
@@ -27,16 +42,19 @@ int MergedMap::FindKeyframe(int submap, KeyframeId id) const {
 MergedMap MakeMergedMap(const std::vector<SubmapView>& submaps, const std::vector<Similarity3>& root_from_submap) {
   MergedMap map;
   map.submaps = submaps;
+  map.readouts.assign(submaps.size(), 0);
   size_t num_points = 0;
   for (const SubmapView& view : submaps) num_points += view.submap->points.size();
   map.points.reserve(num_points);
   for (int s = 0; s < static_cast<int>(submaps.size()); ++s) {
     const int first_keyframe = static_cast<int>(map.keyframes.size());
     std::map<KeyframeId, int> index_of;
+    const std::vector<CameraMotion> motions = KeyframeMotions(*submaps[s].submap);
     for (const auto& [id, keyframe] : submaps[s].submap->keyframes) {
+      const CameraMotion& motion = motions[index_of.size()];
       index_of[id] = first_keyframe + static_cast<int>(index_of.size());
-      map.keyframes.push_back(
-          {s, &keyframe, TransformWorld(keyframe.cam_from_submap, root_from_submap[s]), root_from_submap[s].scale});
+      map.keyframes.push_back({s, &keyframe, TransformWorld(keyframe.cam_from_submap, root_from_submap[s]),
+                               root_from_submap[s].scale, motion});
       map.point_of_feature.emplace_back(keyframe.features.Size(), -1);
     }
     for (const auto& [id, point] : submaps[s].submap->points) {

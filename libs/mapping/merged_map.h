@@ -6,6 +6,7 @@
 
 #include "libs/geometry/similarity3.h"
 #include "libs/mapping/local_window.h"
+#include "libs/mapping/rolling_shutter.h"
 
 // The merged map of one component: keyframes and points of all its submaps in the frame of the root. It refers to the
 // raw submaps, which never change.
@@ -16,6 +17,7 @@ struct MergedKeyframe {
   const SubmapKeyframe* keyframe = nullptr;
   Rigid3 cam_from_root;
   double scale = 1;  // length of one submap unit near this keyframe, root units
+  CameraMotion motion = {};
 
   // x_root = root_from_cam * x_cam with x_cam in submap units.
   Similarity3 RootFromCam() const {
@@ -45,8 +47,15 @@ struct MergedMap {
   std::vector<MergedPoint> points;                 // by submap, then id, before fusion
   std::vector<std::vector<int>> point_of_feature;  // per keyframe and feature: index into points, -1 without
 
+  std::vector<double> readouts;  // of the rolling shutter, seconds, per submap; 0: all rows at once
+
   const Pinhole& CameraOf(int keyframe) const { return submaps[keyframes[keyframe].submap].camera; }
   const Pyramid& PyramidOf(int keyframe) const { return submaps[keyframes[keyframe].submap].pyramid; }
+  // Pixels to add to where a feature is, per second of readout time, to get where it would be if all rows had been read
+  // at once. x_cam: where its point is, root units.
+  Eigen::Vector2d ShutterCorrection(const TrackElement& element, const Eigen::Vector3d& x_cam) const;
+  // Where a feature would be if all rows had been read at once.
+  Eigen::Vector2d Pixel(const TrackElement& element, const Eigen::Vector3d& x_cam) const;
   // Squared reprojection error in sigma^2; infinite behind the camera.
   double SquaredError(const MergedPoint& point, const TrackElement& element) const;
   // Index of a keyframe, -1 if it is not in the map.

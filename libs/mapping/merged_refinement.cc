@@ -174,7 +174,8 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
   const bool by_windows = num_keyframes > options.max_keyframes_at_once;
   // With poses beyond the window fixed, further rounds move nothing.
   const size_t num_rounds = by_windows ? 1 : options.radii.size();
-  for (size_t round = 0; round < num_rounds; ++round) {
+  // Fusion of what lies on each other, and bundle adjustment.
+  const auto adjust = [&](size_t round) {
     report(Format("fusion of duplicate points, round %zu of %zu", round + 1, num_rounds));
     OverlapFindings findings = match(options.radii[round]);
     // Measured on a straighter map than the first time, overlaps say more.
@@ -196,11 +197,26 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
     report(Format("%d points, %d observations, %d iterations, cost %.0f to %.0f, %d outliers removed",
                   adjusted.num_points, adjusted.num_observations, adjusted.num_iterations, adjusted.initial_cost,
                   adjusted.final_cost, adjusted.num_removed));
-    if (!summary.bundles.back().success) {
-      summary.reason = "bundle adjustment failed; the transforms along the tree stand";
-      keep_tree();
-      return result;
-    }
+    return adjusted.success;
+  };
+  const auto give_up = [&] {
+    summary.reason = "bundle adjustment failed; the transforms along the tree stand";
+    keep_tree();
+    return result;
+  };
+  for (size_t round = 0; round < num_rounds; ++round) {
+    if (!adjust(round)) return give_up();
+  }
+  // Only now, for what an image read row by row does to a map that is still bent cannot be told.
+  if (options.find_readouts && !by_windows) {
+    MergedBundleOptions bundle = options.bundle;
+    bundle.find_readouts = true;
+    bundle.bundle.max_iterations = options.readout_iterations;
+    if (is_large) bundle.bundle.initial_trust_radius = options.large_trust_radius;
+    const MergedBundleSummary found = AdjustMergedMap(bundle, &map);
+    report(Format("rolling shutter: %s; %d iterations, cost %.0f to %.0f", found.reason.c_str(), found.num_iterations,
+                  found.initial_cost, found.final_cost));
+    if (found.success && !adjust(num_rounds - 1)) return give_up();
   }
 
   // Was it worth it? The same observations, with the poses of the tree.

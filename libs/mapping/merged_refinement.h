@@ -39,6 +39,10 @@ struct MergedRefinementOptions {
       1e7;  // and their bundle adjustment begins with such steps that long strips straighten in a few
   int max_keyframes_at_once = 1200;  // beyond, bundle adjustment goes by windows around the seams, in one round
   SeamWindowOptions windows;
+  // At the end the readout times of rolling shutters are looked for, in maps that are adjusted at once; if there are
+  // any, the last round is done again.
+  bool find_readouts = true;
+  int readout_iterations = 12;
 
   std::string Check() const;
 };

@@ -93,4 +93,12 @@ bool ReprojectionCost::Evaluate(double const* const* parameters, double* residua
   return true;
 }
 
+bool RollingShutterCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+  if (!at_once_.Evaluate(parameters, residuals, jacobians)) return false;
+  Eigen::Map<Eigen::Vector2d> r(residuals);
+  r -= parameters[2][0] * scaled_correction_;
+  if (jacobians && jacobians[2]) Eigen::Vector2d::Map(jacobians[2]) = -scaled_correction_;
+  return true;
+}
+
 }  // namespace mapmend

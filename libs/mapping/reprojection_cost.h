@@ -68,4 +68,18 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, 6, 3> {
   double inverse_sigma_;
 };
 
+// The same with an image read row by row: the pixel moves by correction (pixels per second) times the third parameter,
+// the readout time.
+class RollingShutterCost : public ceres::SizedCostFunction<2, 6, 3, 1> {
+ public:
+  RollingShutterCost(const Pinhole& camera, const SteppedPoses::Pose& pose, const Eigen::Vector2d& pixel, double sigma,
+                     const Eigen::Vector2d& correction)
+      : at_once_(camera, pose, pixel, sigma), scaled_correction_(correction / sigma) {}
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+
+ private:
+  ReprojectionCost at_once_;
+  Eigen::Vector2d scaled_correction_;
+};
+
 }  // namespace mapmend

@@ -36,10 +36,15 @@ const HealthMonitor::Entry* HealthMonitor::FindLatest(const std::string& process
   return latest;
 }
 
-double CounterOr(const HealthMonitor::Entry* entry, const std::string& name, double fallback) {
-  if (entry == nullptr) return fallback;
+std::optional<double> FindCounter(const HealthMonitor::Entry* entry, const std::string& name) {
+  if (entry == nullptr) return std::nullopt;
   const auto found = entry->counters.find(name);
-  return found == entry->counters.end() ? fallback : found->second;
+  if (found == entry->counters.end()) return std::nullopt;
+  return found->second;
+}
+
+double CounterOr(const HealthMonitor::Entry* entry, const std::string& name, double fallback) {
+  return FindCounter(entry, name).value_or(fallback);
 }
 
 }  // namespace mapmend

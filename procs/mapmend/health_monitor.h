@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 
 #include "libs/bus/bus.h"
@@ -36,6 +37,8 @@ class HealthMonitor {
   std::map<std::pair<std::string, int>, Entry> entries_;
 };
 
+// A counter's value; nothing if the entry is null or does not have it.
+std::optional<double> FindCounter(const HealthMonitor::Entry* entry, const std::string& name);
 // A counter's value, or fallback if the entry is null or does not have it.
 double CounterOr(const HealthMonitor::Entry* entry, const std::string& name, double fallback);
 

@@ -109,6 +109,7 @@ std::string MapFile::Finish(const std::function<void(const std::string&)>& show)
     }
   }
   LauncherFigures figures;
+  figures.readout_ms = FindCounter(backend_->Health("merger"), "readout_ms");
   figures.processes = backend_->StopAll();
   figures.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return options_.out.empty() ? "" : FinishRun(options_.out, figures, options_.place.db);

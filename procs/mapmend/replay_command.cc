@@ -105,6 +105,7 @@ int Replay(ReplayOptions options) {
       backend.Tick(50);
     }
     LauncherFigures figures;
+    figures.readout_ms = FindCounter(backend.Health("merger"), "readout_ms");
     figures.processes = backend.StopAll();
     figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
     progress.Say(FinishRun(options.out, figures));

@@ -113,11 +113,7 @@ class FlightEnd {
 
 // What only the frontend's last health message tells.
 void AddFrontendFigures(const HealthMonitor::Entry& frontend, const RunOptions& options, LauncherFigures* figures) {
-  const auto counter = [&](const char* name) -> std::optional<double> {
-    const auto found = frontend.counters.find(name);
-    if (found == frontend.counters.end()) return std::nullopt;
-    return found->second;
-  };
+  const auto counter = [&](const char* name) { return FindCounter(&frontend, name); };
   figures->mode = options.live ? "live" : options.realtime ? "realtime" : "lockstep";
   figures->track_ms_median = counter("track_ms_median");
   figures->track_ms_p95 = counter("track_ms_p95");
@@ -204,6 +200,7 @@ int RunFlight(const RunInputs& inputs) {
     // A frontend that was killed has not written it.
     if (options.profile && std::filesystem::exists(ProfilePath(options)))
       figures.profile_json = ReadFile(ProfilePath(options));
+    figures.readout_ms = FindCounter(backend.Health("merger"), "readout_ms");
     figures.processes = backend.StopAll();
     figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
     progress.Say(FinishRun(options.out, figures));

@@ -68,6 +68,7 @@ void CompleteSummary(const std::string& out, const LauncherFigures& figures) {
     processes.push_back({{"name", name}, {"cpu_s", usage.cpu_s}, {"peak_rss_mb", usage.peak_rss_mb}});
   }
   summary["processes"] = processes;
+  if (figures.readout_ms) summary["readout_ms"] = *figures.readout_ms;
   WriteFile(path, summary.dump(2) + "\n");
 }
 
@@ -107,6 +108,9 @@ std::string FormatSummaryTable(const std::string& out) {
   if (summary.contains("max_error_of_depth")) {
     row("", Format("largest error within a submap: %.2f %% of the distance to the scene",
                    100 * Number(summary, "max_error_of_depth")));
+  }
+  if (summary.contains("readout_ms")) {
+    row("shutter", Format("rolling, %.1f ms from the first to the last row; corrected", Number(summary, "readout_ms")));
   }
   const double wall = Number(summary, "wall_s");
   std::string time = FormatDuration(wall) + Format(" (%.1f frames/s)", wall > 0 ? frames / wall : 0.0);

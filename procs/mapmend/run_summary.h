@@ -16,11 +16,12 @@ struct LauncherFigures {
   int64_t frames_dropped = 0, bad_messages = 0;  // came while it was busy; were no good
   std::optional<double> track_ms_median, track_ms_p95;  // of the frontend, if there was one
   std::string profile_json;                             // as the frontend wrote it; empty: none was asked for
+  std::optional<double> readout_ms;                     // of the rolling shutter that the merger found
   std::vector<std::pair<std::string, ResourceUsage>> processes;
 };
 
 // Adds wall_s, frontend {mode, frames_dropped, bad_messages, track_ms_median, track_ms_p95, profile []} and processes
-// [] to OUT/summary.json. Throws std::runtime_error if the file is missing or no JSON object.
+// [], and readout_ms, to OUT/summary.json. Throws std::runtime_error if the file is missing or no JSON object.
 void CompleteSummary(const std::string& out, const LauncherFigures& figures);
 
 // The table for the terminal, from OUT/summary.json. Throws as CompleteSummary does.

@@ -38,6 +38,7 @@ MergerOptions::MergerOptions() {
   live_refinement.max_keyframes_with_all_points = 0;
   live_refinement.max_keyframes_at_once = 600;
   live_refinement.windows.max_windows = 4;
+  live_refinement.find_readouts = false;
 }
 
 std::string MergerOptions::Check() const {
@@ -63,7 +64,8 @@ Merger::Merger(const MergerOptions& options, BowSource* bow, MergerOutput* outpu
 
 SubmapView Merger::View(const SubmapKey& key) const {
   const Session& session = sessions_.at(key.session);
-  return {&session.submaps.at(key.submap), session.info.pinhole, session.info.pyramid};
+  return {&session.submaps.at(key.submap), session.info.pinhole, session.info.pyramid, session.info.camera,
+          key.session};
 }
 
 ConnectedFrames Merger::Verify(const SubmapKey& a, KeyframeId keyframe_a, const SubmapKey& b, KeyframeId keyframe_b) {

@@ -122,6 +122,8 @@ class Merger {
   std::vector<Connection> connections() const;
   const KeyframeCache& keyframe_cache() const { return cache_; }
   const MergedTransforms& transforms() const { return transforms_; }
+  // Of rolling shutters that the final refinement found, seconds per session.
+  const std::map<std::string, double>& readouts() const { return readouts_; }
   uint64_t seed() const { return options_.connected_frames.ransac.seed; }
   int num_connections() const { return static_cast<int>(connections_.size()); }
   int num_decisions() const { return num_decisions_; }
@@ -198,6 +200,7 @@ class Merger {
   LiveRefinement live_, live_task_;  // taken in; being made
   bool complete_ = false;
   MergedTransforms transforms_;
+  std::map<std::string, double> readouts_;
 };
 
 }  // namespace mapmend

@@ -289,6 +289,10 @@ class MergerLoop {
       for (const std::string& what : refinement_.TakeProgress()) output_.OnProgress(what);
       if (outcome && merger_.TakeRefinement(*outcome)) {
         spdlog::info("merger: revision {} refined{}", merger_.revision(), merger_.IsFinal() ? ", final" : "");
+        for (const auto& [session, seconds] : merger_.readouts()) {
+          spdlog::info("merger: session {}: images are read row by row, in {:.1f} ms; corrected", session,
+                       1e3 * seconds);
+        }
       }
     }
     // During the flight only when there is nothing to catch up with.
@@ -342,6 +346,7 @@ class MergerLoop {
     health_.SetCounter("keyframes_cached", merger_.keyframe_cache().num_loaded());
     health_.SetCounter("keyframes_read", static_cast<double>(merger_.keyframe_cache().num_reads()));
     health_.SetCounter("refused", static_cast<double>(num_refused_ + consumer_.NumRefused()));
+    if (!merger_.readouts().empty()) health_.SetCounter("readout_ms", 1e3 * merger_.readouts().begin()->second);
     if (completed_at_ == NumDelivered() && merger_.IsFinal() && !merger_.RefinementIsDue()) health_.SetState("done");
     health_.Tick();
   }

@@ -13,9 +13,12 @@ std::shared_ptr<const Submap> Copy(const Submap& submap, bool searchable) {
   auto copy = std::make_shared<Submap>();
   copy->id = submap.id;
   copy->points = submap.points;
+  copy->frames = submap.frames;
+  copy->removed_keyframes = submap.removed_keyframes;
   for (const auto& [id, keyframe] : submap.keyframes) {
     SubmapKeyframe& k = copy->keyframes[id];
     k.id = id;
+    k.utime = keyframe.utime;
     k.seq = keyframe.seq;
     k.cam_from_submap = keyframe.cam_from_submap;
     k.features.keypoints = keyframe.features.keypoints;
@@ -65,7 +68,7 @@ RefinementTask Merger::MakeRefinement() {
     // An ended submap stays where it is and as it is.
     const auto submap = view.submap->ended ? std::shared_ptr<const Submap>(std::shared_ptr<void>(), view.submap)
                                            : Copy(*view.submap, keyframes_ == nullptr);
-    task.parts.push_back({submap, view.camera, view.pyramid});
+    task.parts.push_back({submap, view.camera, view.pyramid, view.real});
   }
   for (const auto& [pair, connection] : connections_) {
     if (connection.verdict != Connection::Verdict::kAccepted) continue;
@@ -97,6 +100,7 @@ bool Merger::TakeRefinement(const RefinementOutcome& outcome) {
     if (outcome.state != state_) return false;
     refined = outcome.transforms;
     refined.is_final = true;
+    readouts_ = outcome.readouts;
   } else {
     // The final revision will have the number that a revision made now would get.
     if (complete_ || AllEnded() || number <= transforms_.revision) return false;
@@ -128,8 +132,8 @@ void Merger::Finalize() {
   OpenKeyframeSource open;
   if (keyframes_) open = [this] { return std::make_unique<Borrowed>(keyframes_); };
   Complete();
-  TakeRefinement(
-      RunRefinement(MakeRefinement(), [&](const std::string& what) { output_->OnProgress(what); }, open));
+  TakeRefinement(RunRefinement(
+      MakeRefinement(), [&](const std::string& what) { output_->OnProgress(what); }, open));
 }
 
 }  // namespace mapmend

@@ -44,7 +44,8 @@ RefinementOutcome RunRefinement(const RefinementTask& task, const std::function<
       local[i] = static_cast<int>(members.size());
       members.push_back(static_cast<int>(i));
       sessions.push_back(place.key.session);
-      views.push_back({task.parts[i].submap.get(), task.parts[i].camera, task.parts[i].pyramid});
+      views.push_back({task.parts[i].submap.get(), task.parts[i].camera, task.parts[i].pyramid, task.parts[i].real,
+                       place.key.session});
       root_from_submap.push_back(place.root_from_submap);
     }
     std::vector<RefinementLink> links;
@@ -66,6 +67,10 @@ RefinementOutcome RunRefinement(const RefinementTask& task, const std::function<
     }
     for (const MergedKeyframe& k : result.map.keyframes) {
       refined[k.submap].keyframes.push_back({k.keyframe->id, k.cam_from_root, k.scale});
+    }
+    // Of a flight in several components the one with most frames says it: the first.
+    for (size_t s = 0; s < members.size(); ++s) {
+      if (result.map.readouts[s] != 0) outcome.readouts.emplace(sessions[s], result.map.readouts[s]);
     }
     for (const MergedPoint& p : result.map.points) {
       if (p.track.empty()) continue;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -20,6 +21,7 @@ struct RefinementTask {
     std::shared_ptr<const Submap> submap;
     Pinhole camera;
     Pyramid pyramid;
+    Camera real;
   };
   struct Link {
     int submap_a = -1, submap_b = -1;  // indices into parts; equal for a loop within a submap
@@ -38,6 +40,7 @@ struct RefinementTask {
 struct RefinementOutcome {
   MergedTransforms transforms;  // the places of the refined map; number, cursors and flags are as they were
   std::vector<RefinedSubmap> submaps;
+  std::map<std::string, double> readouts;  // of rolling shutters, seconds per session, where one was found
   int64_t state = 0;
   bool is_final = false;
 };

@@ -111,8 +111,19 @@ void SyntheticFlight::Append(int64_t utime, RecordBody body) {
   records_.push_back(std::move(record));
 }
 
-std::vector<SyntheticFlight::Seen> SyntheticFlight::Observe(const Rigid3& cam_from_world) {
+std::vector<SyntheticFlight::Seen> SyntheticFlight::Observe(const Rigid3& world_from_cam, const Rigid3& before,
+                                                            const Rigid3& after) {
   std::vector<Seen> seen;
+  const Rigid3 cam_from_world = world_from_cam.Inverse();
+  const Eigen::Vector3d velocity = (after.translation - before.translation) / 2;
+  const Eigen::AngleAxisd turn_in_two_seconds(before.rotation.conjugate() * after.rotation);
+  // The camera when the row at this height was read.
+  const auto cam_from_world_at = [&](double row) {
+    const double t = options_.readout * (row / options_.camera.height - 0.5);
+    const Eigen::AngleAxisd turn(t * turn_in_two_seconds.angle() / 2, turn_in_two_seconds.axis());
+    return Rigid3(world_from_cam.rotation * Eigen::Quaterniond(turn), world_from_cam.translation + t * velocity)
+        .Inverse();
+  };
   const Eigen::Matrix3d R = cam_from_world.rotation.toRotationMatrix();
   // Where east points in the image: the turn of every keypoint.
   const float turn = static_cast<float>(std::atan2(R(1, 0), R(0, 0)));
@@ -120,7 +131,10 @@ std::vector<SyntheticFlight::Seen> SyntheticFlight::Observe(const Rigid3& cam_fr
   for (size_t i = 0; i < terrain_.size(); ++i) {
     const Eigen::Vector3d x = cam_from_world * terrain_[i].position;
     if (!(x.z() > 1)) continue;
-    const Eigen::Vector2d pixel = options_.camera.Project(x);
+    Eigen::Vector2d pixel = options_.camera.Project(x);
+    for (int step = 0; options_.readout != 0 && step < 4; ++step) {
+      pixel = options_.camera.Project(cam_from_world_at(pixel.y()) * terrain_[i].position);
+    }
     if (pixel.x() < 0 || pixel.y() < 0 || pixel.x() >= options_.camera.width || pixel.y() >= options_.camera.height) {
       continue;
     }
@@ -181,7 +195,11 @@ SubmapId SyntheticFlight::AddSubmap(const std::vector<Rigid3>& world_from_cam, c
     }
     const KeyframeId id(next_keyframe_++);
     world_from_keyframe_.push_back(world_from_cam[k]);
-    const std::vector<Seen> seen = Observe(world_from_cam[k].Inverse());
+    const auto step_back = [&](const Rigid3& pose, const Rigid3& next) { return pose * next.Inverse() * pose; };
+    const Rigid3 after =
+        k + 1 < world_from_cam.size() ? world_from_cam[k + 1] : step_back(world_from_cam[k], world_from_cam[k - 1]);
+    const Rigid3 before = k > 0 ? world_from_cam[k - 1] : step_back(world_from_cam[k], after);
+    const std::vector<Seen> seen = Observe(world_from_cam[k], before, after);
     const double local_scale = std::pow(1 + options_.scale_drift, static_cast<double>(k));
     // A tracker without loop closure does not know ground again that it left a while ago.
     for (const Seen& s : seen) {

@@ -50,6 +50,7 @@ struct FlightOptions {
   int num_clutter = 100;       // features of each image that are seen nowhere else
   double scale_drift = 0;      // per keyframe: the submap's scale grows by this fraction
   double angle_drift_deg = 0;  // per keyframe, about the vertical
+  double readout = 0;          // seconds, of a rolling shutter
   uint64_t seed = 1;
 };
 
@@ -76,7 +77,8 @@ class SyntheticFlight {
     Keypoint keypoint;
     Descriptor descriptor;
   };
-  std::vector<Seen> Observe(const Rigid3& cam_from_world);
+  // before, after: the poses a second earlier and later.
+  std::vector<Seen> Observe(const Rigid3& world_from_cam, const Rigid3& before, const Rigid3& after);
   void Append(int64_t utime, RecordBody body);
   double Uniform();
   double Normal();
