@@ -15,10 +15,8 @@ namespace mapmend {
 namespace {
 
 CrossObservation MakeObservation(const Eigen::Vector3d& point, const SubmapView& target, const SubmapKeyframe& keyframe,
-                                 int feature) {
-  const Keypoint& keypoint = keyframe.features.keypoints[feature];
-  return {point, keyframe.cam_from_submap, target.camera, keypoint.pixel.cast<double>(),
-          target.pyramid.Sigma(keypoint.octave)};
+                                 const Eigen::Vector2f& pixel, int octave) {
+  return {point, keyframe.cam_from_submap, target.camera, pixel.cast<double>(), target.pyramid.Sigma(octave)};
 }
 
 // Everything a window knows of its map points: each point as the earliest keyframe of the window sees it.
@@ -89,7 +87,8 @@ GuidedMatches SearchWindow(const Side& source, const Similarity3& target_from_so
     for (const ProjectionMatch& m : found.matches) {
       const MapPointId point = source.appearance.points[m.appearance].id;
       if (same_submap && keyframe.map_points[m.feature] == point) continue;
-      result.matches.push_back({point, keyframe.id, m.feature});
+      const Keypoint& keypoint = keyframe.features.keypoints[m.feature];
+      result.matches.push_back({point, keyframe.id, m.feature, keypoint.octave, keypoint.pixel});
       if (j == 0) ++result.num_found;
     }
     // From far above there are fewer features than points to be seen: a feature is one point at most.
@@ -98,11 +97,12 @@ GuidedMatches SearchWindow(const Side& source, const Similarity3& target_from_so
   return result;
 }
 
-// Evenly chosen elements, at most so many.
+// Evenly chosen elements, at most so many, as they will be kept.
 void Thin(size_t max_size, std::vector<CrossMatch>* matches) {
-  if (matches->size() <= max_size) return;
+  const size_t n = std::min(matches->size(), max_size);
   std::vector<CrossMatch> kept;
-  for (size_t i = 0; i < max_size; ++i) kept.push_back((*matches)[i * matches->size() / max_size]);
+  kept.reserve(n);
+  for (size_t i = 0; i < n; ++i) kept.push_back((*matches)[i * matches->size() / n]);
   *matches = std::move(kept);
 }
 
@@ -111,9 +111,8 @@ int CountCells(const std::vector<CrossMatch>& matches, const SubmapKeyframe& key
   std::set<int> cells;
   for (const CrossMatch& m : matches) {
     if (m.keyframe != keyframe.id) continue;
-    const Eigen::Vector2f& pixel = keyframe.features.keypoints[m.feature].pixel;
-    const int column = std::clamp(static_cast<int>(8 * pixel.x() / static_cast<float>(camera.width)), 0, 7);
-    const int row = std::clamp(static_cast<int>(6 * pixel.y() / static_cast<float>(camera.height)), 0, 5);
+    const int column = std::clamp(static_cast<int>(8 * m.pixel.x() / static_cast<float>(camera.width)), 0, 7);
+    const int row = std::clamp(static_cast<int>(6 * m.pixel.y() / static_cast<float>(camera.height)), 0, 5);
     cells.insert(8 * row + column);
   }
   return static_cast<int>(cells.size());
@@ -151,6 +150,7 @@ std::vector<std::pair<MapPointId, MapPointId>> CommonPoints(const ConnectedFrame
     common.push_back(pair);
   }
   std::sort(common.begin(), common.end());
+  common.shrink_to_fit();
   return common;
 }
 
@@ -176,8 +176,12 @@ ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* si
   result.num_matches = static_cast<int>(matches.size());
   std::vector<PointMatch> point_matches;
   for (const PooledMatch& m : matches) {
-    point_matches.push_back({MakeObservation(a.submap->points.at(m.point_a).position, b, *m.keyframe_b, m.feature_b),
-                             MakeObservation(b.submap->points.at(m.point_b).position, a, *m.keyframe_a, m.feature_a)});
+    const Keypoint &in_a = m.keyframe_a->features.keypoints[m.feature_a],
+                   &in_b = m.keyframe_b->features.keypoints[m.feature_b];
+    point_matches.push_back({MakeObservation(a.submap->points.at(m.point_a).position.cast<double>(), b, *m.keyframe_b,
+                                             in_b.pixel, in_b.octave),
+                             MakeObservation(b.submap->points.at(m.point_b).position.cast<double>(), a, *m.keyframe_a,
+                                             in_a.pixel, in_a.octave)});
   }
   const Sim3RansacResult ransac = EstimateSim3(point_matches, options.ransac);
   result.num_ransac_inliers = ransac.num_inliers;
@@ -239,7 +243,7 @@ ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* si
   result.common_points = CommonPoints(result, *a.submap, *b.submap);
   std::vector<Eigen::Vector3d> common_in_b;
   for (const auto& [point_a, point_b] : result.common_points)
-    common_in_b.push_back(b.submap->points.at(point_b).position);
+    common_in_b.push_back(b.submap->points.at(point_b).position.cast<double>());
   result.median_angle_rad = MedianIntersectionAngle(b_from_a * frame_a.cam_from_submap.Center(),
                                                     frame_b.cam_from_submap.Center(), common_in_b);
 
@@ -312,7 +316,8 @@ CrossObservations ResolveMatches(const SubmapView& a, const SubmapView& b, const
       const auto point = owner.submap->points.find(m.point);
       const auto keyframe = target.submap->keyframes.find(m.keyframe);
       if (point == owner.submap->points.end() || keyframe == target.submap->keyframes.end()) continue;
-      out->push_back(MakeObservation(point->second.position, target, keyframe->second, m.feature));
+      out->push_back(
+          MakeObservation(point->second.position.cast<double>(), target, keyframe->second, m.pixel, m.octave));
     }
   };
   resolve(a, b, a_in_b, &observations.a_in_b);

@@ -13,12 +13,14 @@
 // ground. Retrieval proposes a pair; here geometry decides.
 namespace mapmend {
 
-// A map point of one side is feature `feature` of keyframe `keyframe` of the other side.
+// A map point of one side is feature `feature` of keyframe `keyframe` of the other side. Where that lies is kept beside
+// it: the features of a keyframe are not held for ever.
 struct CrossMatch {
   MapPointId point;
   KeyframeId keyframe;
-  int feature = -1;
-  auto operator<=>(const CrossMatch&) const = default;
+  int feature : 24 = -1;
+  int octave : 8 = 0;
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
 };
 
 struct ConnectedFramesOptions {

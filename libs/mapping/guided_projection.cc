@@ -48,11 +48,12 @@ void AppendAppearances(const SubmapView& view, const SubmapKeyframe& keyframe, i
     const MapPointId id = keyframe.map_points[i];
     const auto point = id.IsValid() ? view.submap->points.find(id) : view.submap->points.end();
     if (point == view.submap->points.end()) continue;
-    const double depth = (keyframe.cam_from_submap * point->second.position).z();
+    const Eigen::Vector3d position = point->second.position.cast<double>();
+    const double depth = (keyframe.cam_from_submap * position).z();
     if (!(depth > 0)) continue;
     const Keypoint& keypoint = keyframe.features.keypoints[i];
-    appearances->push_back({id, point->second.position, keyframe.features.descriptors[i], keypoint.octave,
-                            keypoint.angle, view.pyramid.Scale(keypoint.octave) * depth / view.camera.fx, source});
+    appearances->push_back({id, position, keyframe.features.descriptors[i], keypoint.octave, keypoint.angle,
+                            view.pyramid.Scale(keypoint.octave) * depth / view.camera.fx, source});
   }
 }
 

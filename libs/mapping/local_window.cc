@@ -5,16 +5,9 @@
 namespace mapmend {
 
 std::vector<CovisibleKeyframe> FindCovisible(const Submap& submap, const SubmapKeyframe& keyframe, int min_shared) {
-  std::map<KeyframeId, int> shared;
-  for (const MapPointId id : keyframe.map_points) {
-    const auto point = id.IsValid() ? submap.points.find(id) : submap.points.end();
-    if (point == submap.points.end()) continue;
-    for (const SubmapObservation& o : point->second.observations) ++shared[o.keyframe];
-  }
-  shared.erase(keyframe.id);
   std::vector<CovisibleKeyframe> result;
-  for (const auto& [id, count] : shared) {
-    if (count >= min_shared) result.push_back({&submap.keyframes.at(id), count});
+  for (const SharingKeyframe& s : submap.CountShared(keyframe)) {
+    if (s.num_points >= min_shared) result.push_back({&submap.keyframes.at(s.keyframe), s.num_points});
   }
   std::stable_sort(result.begin(), result.end(),
                    [](const CovisibleKeyframe& l, const CovisibleKeyframe& r) { return l.num_shared > r.num_shared; });
@@ -35,7 +28,8 @@ double MedianDepth(const Submap& submap, const SubmapKeyframe& keyframe) {
   std::vector<double> depths;
   for (const MapPointId id : keyframe.map_points) {
     const auto point = id.IsValid() ? submap.points.find(id) : submap.points.end();
-    if (point != submap.points.end()) depths.push_back((keyframe.cam_from_submap * point->second.position).z());
+    if (point != submap.points.end())
+      depths.push_back((keyframe.cam_from_submap * point->second.position.cast<double>()).z());
   }
   if (depths.empty()) return 0;
   const auto middle = depths.begin() + static_cast<long>(depths.size() / 2);

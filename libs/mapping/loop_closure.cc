@@ -61,7 +61,9 @@ Drift MeasureDrift(const Submap& submap, const ConnectedFrames& loop) {
   std::vector<double> gaps;
   for (const auto& [point, same] : loop.common_points) {
     const auto it = submap.points.find(point);
-    if (it != submap.points.end()) gaps.push_back((loop.b_from_a * it->second.position - it->second.position).norm());
+    if (it == submap.points.end()) continue;
+    const Eigen::Vector3d position = it->second.position.cast<double>();
+    gaps.push_back((loop.b_from_a * position - position).norm());
   }
   if (viewing_distance > 0) drift.gap = Median(std::move(gaps)) / viewing_distance;
   drift.log_scale = std::abs(std::log(loop.b_from_a.scale));

@@ -33,8 +33,7 @@ void RefinePoint(const MergedMap& map, MergedPoint* point) {
     Eigen::Vector3d g = Eigen::Vector3d::Zero();
     for (const TrackElement& e : point->track) {
       const MergedKeyframe& keyframe = map.keyframes[e.keyframe];
-      const Keypoint& keypoint = keyframe.keyframe->features.keypoints[e.feature];
-      const double sigma = map.PyramidOf(e.keyframe).Sigma(keypoint.octave);
+      const double sigma = map.Sigma(e);
       const Eigen::Vector3d x = keyframe.cam_from_root * point->position;
       const Eigen::Vector2d r = (map.CameraOf(e.keyframe).Project(x) - map.Pixel(e, x)) / sigma;
       const Eigen::Matrix<double, 2, 3> J =
@@ -87,7 +86,7 @@ int RemoveOutliers(double max_squared_error, const std::vector<char>& among, Mer
   int removed = 0;
   for (size_t i = 0; i < map->points.size(); ++i) {
     if (!among[i]) continue;
-    const std::vector<TrackElement> track = map->points[i].track;
+    const Track track = map->points[i].track;
     for (const TrackElement& e : track) {
       if (map->SquaredError(map->points[i], e) <= max_squared_error) continue;
       RemoveFromTrack(static_cast<int>(i), e, map);
@@ -141,7 +140,7 @@ void MeasureScales(MergedMap* map) {
       const Submap& submap = *map->submaps[keyframe.submap].submap;
       const auto raw = id.IsValid() ? submap.points.find(id) : submap.points.end();
       if (raw == submap.points.end()) continue;
-      const double depth = (keyframe.keyframe->cam_from_submap * raw->second.position).z();
+      const double depth = (keyframe.keyframe->cam_from_submap * raw->second.position.cast<double>()).z();
       const double merged = (keyframe.cam_from_root * point.position).z();
       if (depth > 0 && merged > 0) ratios[e.keyframe].push_back(merged / depth);
     }
@@ -179,16 +178,14 @@ MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMa
   for (size_t i = 0; i < map->points.size(); ++i) {
     if (!selected[i] || !is_touched[i]) continue;
     for (const TrackElement& e : map->points[i].track) {
-      const Keypoint& keypoint = map->keyframes[e.keyframe].keyframe->features.keypoints[e.feature];
       const Eigen::Vector3d x = map->keyframes[e.keyframe].cam_from_root * map->points[i].position;
-      const double sigma = map->PyramidOf(e.keyframe).Sigma(keypoint.octave);
-      Eigen::Vector2d pixel = keypoint.pixel.cast<double>();
+      Eigen::Vector2d pixel = e.pixel.cast<double>();
       if (!options.find_readouts) {
         pixel = map->Pixel(e, x);
       } else {
         problem.shutter_correction.push_back(map->ShutterCorrection(e, x).cast<float>());
       }
-      problem.observations.push_back({e.keyframe, static_cast<int>(index.size()), pixel, sigma});
+      problem.observations.push_back({e.keyframe, static_cast<int>(index.size()), pixel, map->Sigma(e)});
     }
     index.push_back(static_cast<int>(i));
     problem.points.push_back(map->points[i].position);

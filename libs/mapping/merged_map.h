@@ -1,10 +1,12 @@
 #pragma once
 
+#include <compare>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "libs/geometry/similarity3.h"
+#include "libs/mapping/feature_source.h"
 #include "libs/mapping/local_window.h"
 #include "libs/mapping/rolling_shutter.h"
 
@@ -26,19 +28,36 @@ struct MergedKeyframe {
   }
 };
 
+// A feature that observes a map point. What geometry asks of it is kept beside it: the features themselves are not
+// held.
 struct TrackElement {
   int keyframe = -1;  // index into MergedMap::keyframes
-  int feature = -1;
-  auto operator<=>(const TrackElement&) const = default;
+  int feature : 24 = -1;
+  int octave : 8 = 0;
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
+
+  void SetPlace(const Keypoint& keypoint) {
+    octave = keypoint.octave;
+    pixel = keypoint.pixel;
+  }
+  // By keyframe and feature, which determine the rest.
+  friend bool operator==(const TrackElement& l, const TrackElement& r) {
+    return l.keyframe == r.keyframe && l.feature == r.feature;
+  }
+  friend std::strong_ordering operator<=>(const TrackElement& l, const TrackElement& r) {
+    return l.keyframe != r.keyframe ? l.keyframe <=> r.keyframe : int{l.feature} <=> int{r.feature};
+  }
 };
+
+using Track = CompactVector<TrackElement>;
 
 // A map point of the merged map: one or, after fusion, several map points of the submaps.
 struct MergedPoint {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // root frame
-  std::vector<TrackElement> track;  // ascending, at most one per keyframe; empty: fused away or culled
+  Track track;  // ascending, at most one per keyframe; empty: fused away or culled
   // The map points of submaps that it is: (submap index, id), the oldest first, then those fused into it, ascending.
   std::pair<int, MapPointId> first;
-  std::vector<std::pair<int, MapPointId>> fused;
+  CompactVector<std::pair<int, MapPointId>> fused;
 };
 
 struct MergedMap {
@@ -51,6 +70,8 @@ struct MergedMap {
 
   const Pinhole& CameraOf(int keyframe) const { return submaps[keyframes[keyframe].submap].camera; }
   const Pyramid& PyramidOf(int keyframe) const { return submaps[keyframes[keyframe].submap].pyramid; }
+  // Standard deviation of where a feature lies, pixels.
+  double Sigma(const TrackElement& element) const { return PyramidOf(element.keyframe).Sigma(element.octave); }
   // Pixels to add to where a feature is, per second of readout time, to get where it would be if all rows had been read
   // at once. x_cam: where its point is, root units.
   Eigen::Vector2d ShutterCorrection(const TrackElement& element, const Eigen::Vector3d& x_cam) const;
@@ -63,7 +84,8 @@ struct MergedMap {
 };
 
 // Puts every submap in place as it is.
-MergedMap MakeMergedMap(const std::vector<SubmapView>& submaps, const std::vector<Similarity3>& root_from_submap);
+MergedMap MakeMergedMap(const std::vector<SubmapView>& submaps, const std::vector<Similarity3>& root_from_submap,
+                        const OpenFeatureSource& open_features = {});
 
 // Makes the points follow their keyframes after the poses have changed: each point keeps its place in the camera frame
 // of the keyframe that saw it first.
@@ -76,7 +98,7 @@ bool FusePoints(int into, int from, MergedMap* map);
 // Adds an observation to a point unless its keyframe sees the point already, or the feature sees another point.
 bool AddToTrack(int point, const TrackElement& element, MergedMap* map);
 
-void RemoveFromTrack(int point, const TrackElement& element, MergedMap* map);
+void RemoveFromTrack(int point, TrackElement element, MergedMap* map);
 
 // Errors of all observations.
 struct ReprojectionStatistics {

@@ -100,7 +100,7 @@ std::optional<Similarity3> FitSubmap(const MergedMap& map, int submap) {
     if (point.track.empty()) continue;
     const auto add = [&](const std::pair<int, MapPointId>& member) {
       if (member.first != submap) return;
-      raw.push_back(map.submaps[submap].submap->points.at(member.second).position);
+      raw.push_back(map.submaps[submap].submap->points.at(member.second).position.cast<double>());
       merged.push_back(point.position);
     };
     add(point.first);
@@ -129,22 +129,22 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
                                        const std::vector<Similarity3>& root_from_submap,
                                        const std::vector<RefinementLink>& links, const MergedRefinementOptions& options,
                                        const std::function<void(const std::string&)>& progress,
-                                       const OpenDescriptorSource& open_descriptors) {
+                                       const OpenFeatureSource& open_features) {
   const auto report = [&](const std::string& text) {
     if (progress) progress(text);
   };
   MergedRefinementResult result;
   MergedRefinementSummary& summary = result.summary;
   result.root_from_submap = root_from_submap;
-  MergedMap map = MakeMergedMap(submaps, root_from_submap);
-  const auto keep_tree = [&] { result.map = MakeMergedMap(submaps, root_from_submap); };
+  MergedMap map = MakeMergedMap(submaps, root_from_submap, open_features);
+  const auto keep_tree = [&] { result.map = MakeMergedMap(submaps, root_from_submap, open_features); };
   if (map.keyframes.empty() || map.points.empty()) {
     summary.reason = "nothing to refine";
     result.map = std::move(map);
     return result;
   }
   const std::vector<MergedKeyframe> tree_keyframes = map.keyframes;
-  SearchedKeyframes searched(map, open_descriptors);
+  SearchedKeyframes searched(map, open_features);
 
   std::vector<PoseGraphEdge> edges = links.empty() ? std::vector<PoseGraphEdge>() : Relations(map, links);
   if (!edges.empty()) {
@@ -169,7 +169,10 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
                   edges.size()));
     summary.pose_graph = SolvePoseGraph(edges, options.pose_graph, &map);
   };
-  if (by_overlaps) straighten(match(options.radii[0]).relations);
+  if (by_overlaps) {
+    const std::vector<OverlapRelation> relations = match(options.radii[0]).relations;
+    straighten(relations);
+  }
 
   const bool by_windows = num_keyframes > options.max_keyframes_at_once;
   // With poses beyond the window fixed, further rounds move nothing.

@@ -66,11 +66,11 @@ struct MergedRefinementResult {
 // Refines one component: Sim(3) pose graph over all keyframes with all links, fusion of duplicate points between
 // overlapping keyframes of all submaps, bundle adjustment; repeated with narrowing search. The frame stays that of
 // submap 0. A refinement that does not lower the reprojection error is not taken. progress(text) is called between the
-// stages. open_descriptors: where descriptors are read from; null if the submaps hold them all.
+// stages. open_features: where features are read from; null if the submaps hold them all.
 MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
                                        const std::vector<Similarity3>& root_from_submap,
                                        const std::vector<RefinementLink>& links, const MergedRefinementOptions& options,
                                        const std::function<void(const std::string&)>& progress = {},
-                                       const OpenDescriptorSource& open_descriptors = {});
+                                       const OpenFeatureSource& open_features = {});
 
 }  // namespace mapmend

@@ -34,13 +34,13 @@ std::vector<Eigen::Vector3d> SamplePoints(const MergedMap& map, int keyframe, in
 std::vector<PointAppearance> DescribeKeyframe(const MergedMap& map, int keyframe, const SearchedKeyframe& searched) {
   const MergedKeyframe& k = map.keyframes[keyframe];
   std::vector<PointAppearance> appearances;
-  for (int i = 0; i < k.keyframe->features.Size(); ++i) {
+  for (int i = 0; i < searched.features->Size(); ++i) {
     const int p = map.point_of_feature[keyframe][i];
     if (p < 0) continue;
-    const Keypoint& keypoint = k.keyframe->features.keypoints[i];
+    const Keypoint& keypoint = searched.features->keypoints[i];
     const double depth = (k.cam_from_root * map.points[p].position).z();
     if (!(depth > 0)) continue;
-    appearances.push_back({MapPointId(p), map.points[p].position, (*searched.descriptors)[i], keypoint.octave,
+    appearances.push_back({MapPointId(p), map.points[p].position, searched.features->descriptors[i], keypoint.octave,
                            keypoint.angle,
                            map.PyramidOf(keyframe).Scale(keypoint.octave) * depth / map.CameraOf(keyframe).fx, 0});
   }
@@ -53,19 +53,18 @@ void MatchOneWay(const MergedMap& map, int source, const SearchedKeyframe& searc
   const MergedKeyframe &s = map.keyframes[source], &t = map.keyframes[target];
   std::vector<PointAppearance> appearances = DescribeKeyframe(map, source, searched_source);
   std::erase_if(appearances, [&](const PointAppearance& a) {
-    const std::vector<TrackElement>& track = map.points[a.id.value].track;
-    const auto at = std::lower_bound(track.begin(), track.end(), TrackElement{target, -1});
-    return at != track.end() && at->keyframe == target;
+    const Track& track = map.points[a.id.value].track;
+    return std::any_of(track.begin(), track.end(), [&](const TrackElement& e) { return e.keyframe == target; });
   });
   ProjectionSearchOptions search;
   search.radius = options.radius;
   search.max_distance = options.max_distance;
   search.ratio = options.ratio;
   search.octave_tolerance = options.octave_tolerance;
-  const std::vector<Keypoint>& keypoints = t.keyframe->features.keypoints;
-  const ProjectionMatches found =
-      FindByProjection(appearances, {s.cam_from_root.rotation}, Similarity3(t.cam_from_root), map.CameraOf(target),
-                       map.PyramidOf(target), keypoints, *searched_target.descriptors, searched_target.grid, search);
+  const std::vector<Keypoint>& keypoints = searched_target.features->keypoints;
+  const ProjectionMatches found = FindByProjection(
+      appearances, {s.cam_from_root.rotation}, Similarity3(t.cam_from_root), map.CameraOf(target),
+      map.PyramidOf(target), keypoints, searched_target.features->descriptors, searched_target.grid, search);
   if (static_cast<int>(found.matches.size()) < options.min_matches) return;
   std::vector<PoseObservation> observations;
   for (const ProjectionMatch& m : found.matches) {
@@ -83,21 +82,12 @@ void MatchOneWay(const MergedMap& map, int source, const SearchedKeyframe& searc
   }
   for (size_t i = 0; i < found.matches.size(); ++i) {
     if (!pose.inlier[i]) continue;
-    out->push_back({appearances[found.matches[i].appearance].id.value, {target, found.matches[i].feature}});
+    OverlapMatch& match = out->emplace_back();
+    match.point = appearances[found.matches[i].appearance].id.value;
+    match.element.keyframe = target;
+    match.element.feature = found.matches[i].feature;
+    match.element.SetPlace(keypoints[found.matches[i].feature]);
   }
-}
-
-// How often each was voted for, most votes first; ties: the lesser. Sorted lists take a tenth of the memory of maps.
-template <typename Key>
-std::vector<std::pair<int, Key>> CountVotes(std::vector<Key> votes) {
-  std::sort(votes.begin(), votes.end());
-  std::vector<std::pair<int, Key>> counted;
-  for (size_t begin = 0, end = 0; begin < votes.size(); begin = end) {
-    while (end < votes.size() && votes[end] == votes[begin]) ++end;
-    counted.emplace_back(static_cast<int>(end - begin), votes[begin]);
-  }
-  std::stable_sort(counted.begin(), counted.end(), [](const auto& l, const auto& r) { return l.first > r.first; });
-  return counted;
 }
 
 }  // namespace
@@ -172,10 +162,10 @@ OverlapFindings MatchOverlaps(const MergedMap& map, const OverlapOptions& overla
       const int other = map.point_of_feature[m.element.keyframe][m.element.feature];
       if (other == m.point) continue;
       if (other < 0) {
-        findings.seen.emplace_back(m.point, m.element);
+        findings.seen.Add({m.point, m.element});
         continue;
       }
-      findings.same.emplace_back(std::minmax(m.point, other));
+      findings.same.Add(std::minmax(m.point, other));
       same.insert(m.element.keyframe == pair.b ? std::pair(m.point, other) : std::pair(other, m.point));
     }
     if (min_points <= 0 || static_cast<int>(same.size()) < min_points) continue;
@@ -200,7 +190,7 @@ FusionSummary FuseOverlaps(OverlapFindings findings, MergedMap* map) {
     while (now[p] != p) p = now[p] = now[now[p]];
     return p;
   };
-  for (const auto& [count, pair] : CountVotes(std::move(findings.same))) {
+  for (const auto& [pair, count] : findings.same.TakeRanked()) {
     const int a = find(pair.first), b = find(pair.second);
     if (a == b) continue;
     const int into = std::min(a, b), from = std::max(a, b);
@@ -211,7 +201,7 @@ FusionSummary FuseOverlaps(OverlapFindings findings, MergedMap* map) {
       ++summary.num_conflicts;
     }
   }
-  for (const auto& [count, key] : CountVotes(std::move(findings.seen))) {
+  for (const auto& [key, count] : findings.seen.TakeRanked()) {
     if (AddToTrack(find(key.first), key.second, map))
       ++summary.num_added;
     else

@@ -5,6 +5,7 @@
 
 #include "libs/mapping/merged_map.h"
 #include "libs/mapping/searched_keyframes.h"
+#include "libs/mapping/votes.h"
 
 namespace mapmend {
 
@@ -59,8 +60,8 @@ struct OverlapRelation {
 // What a look at all overlapping pairs of a merged map has found. It stays true when keyframes and points are moved.
 struct OverlapFindings {
   int num_pairs = 0, num_matched_pairs = 0;
-  std::vector<std::pair<int, int>> same;           // two points that are one, lesser first; once per time it was seen
-  std::vector<std::pair<int, TrackElement>> seen;  // a point, and where it was recognised
+  Votes<std::pair<int, int>> same;           // two points that are one, lesser first; a vote each time it was seen
+  Votes<std::pair<int, TrackElement>> seen;  // a point, and where it was recognised
   // Of the pairs in which enough map points of the one are recognised as map points of the other.
   std::vector<OverlapRelation> relations;
 };

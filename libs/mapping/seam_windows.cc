@@ -12,7 +12,7 @@ std::vector<std::vector<int>> ChooseSeamWindows(const MergedMap& map, const Seam
   std::vector<int> at_seam(n, 0);  // fused points that a keyframe sees
   std::vector<std::map<int, int>> shared(n);
   for (const MergedPoint& point : map.points) {
-    const std::vector<TrackElement>& track = point.track;
+    const Track& track = point.track;
     for (const TrackElement& e : track) {
       at_seam[e.keyframe] += !point.fused.empty();
       for (const TrackElement& f : track) {

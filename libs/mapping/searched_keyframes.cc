@@ -1,8 +1,5 @@
 #include "libs/mapping/searched_keyframes.h"
 
-#include <stdexcept>
-#include <string>
-
 namespace mapmend {
 
 std::shared_ptr<const SearchedKeyframe> SearchedKeyframes::Get(int index) {
@@ -15,19 +12,8 @@ std::shared_ptr<const SearchedKeyframe> SearchedKeyframes::Get(int index) {
   const SubmapKeyframe& keyframe = *map_.keyframes[index].keyframe;
   const Pinhole& camera = map_.CameraOf(index);
   auto searched = std::make_shared<SearchedKeyframe>();
-  searched->grid = FeatureGrid(keyframe.features.keypoints, camera.width, camera.height);
-  if (open_) {
-    if (!source_) source_ = open_();
-    searched->read = source_->Read(submap, keyframe);
-    searched->descriptors = &searched->read;
-  } else {
-    searched->descriptors = &keyframe.features.descriptors;
-  }
-  if (searched->descriptors->size() != keyframe.features.keypoints.size()) {
-    throw std::runtime_error("keyframe " + std::to_string(keyframe.id.value) + " has " +
-                             std::to_string(searched->descriptors->size()) + " descriptors for " +
-                             std::to_string(keyframe.features.keypoints.size()) + " features");
-  }
+  searched->features = reader_.Read(submap, keyframe);
+  searched->grid = FeatureGrid(searched->features->keypoints, camera.width, camera.height);
   entries_.push_front({index, searched});
   position_[index] = entries_.begin();
   if (static_cast<int>(entries_.size()) > capacity_) {

@@ -9,13 +9,15 @@
 namespace mapmend {
 namespace {
 
+constexpr size_t kMaxFeatures = 1 << 20;  // of a keyframe; far more than an image has, and few enough for 24 bits
+
 bool IsFinite(const Rigid3& t) { return t.translation.allFinite() && t.rotation.coeffs().allFinite(); }
 
 void RemoveObservation(Submap* submap, MapPointId point, KeyframeId keyframe, int feature) {
   const auto it = submap->points.find(point);
   if (it == submap->points.end()) return;
-  std::erase_if(it->second.observations,
-                [&](const SubmapObservation& o) { return o.keyframe == keyframe && o.feature == feature; });
+  it->second.observations.EraseIf(
+      [&](const SubmapObservation& o) { return o.keyframe == keyframe && o.feature == feature; });
 }
 
 void AddObservation(SubmapPoint* point, KeyframeId keyframe, int feature) {
@@ -42,7 +44,8 @@ std::string CheckUpdate(const Submap& submap, const MapUpdate& update) {
     const auto it = submap.keyframes.find(o.keyframe);
     if (it == submap.keyframes.end())
       return "map update: observation in unknown keyframe " + std::to_string(o.keyframe.value);
-    if (o.feature < 0 || o.feature >= it->second.features.Size()) return "map update: feature index out of range";
+    if (o.feature < 0 || o.feature >= static_cast<int>(it->second.map_points.size()))
+      return "map update: feature index out of range";
     if (o.point.IsValid() && !submap.points.contains(o.point) && !new_points.contains(o.point)) {
       return "map update: observation of unknown map point " + std::to_string(o.point.value);
     }
@@ -64,19 +67,13 @@ std::string CheckUpdate(const Submap& submap, const MapUpdate& update) {
 // Of the other keyframes the one that shares most map points (ties: nearest by id, then the older); without any the one
 // before, or behind.
 const SubmapKeyframe& Successor(const Submap& submap, std::map<KeyframeId, SubmapKeyframe>::const_iterator keyframe) {
-  std::map<KeyframeId, int> shared;
-  for (const MapPointId point : keyframe->second.map_points) {
-    if (!point.IsValid()) continue;
-    for (const SubmapObservation& o : submap.points.at(point).observations) {
-      if (o.keyframe != keyframe->first) ++shared[o.keyframe];
-    }
-  }
-  const auto is_worse = [&](const auto& l, const auto& r) {
+  const CompactVector<SharingKeyframe> shared = submap.CountShared(keyframe->second);
+  const auto is_worse = [&](const SharingKeyframe& l, const SharingKeyframe& r) {
     const auto away = [&](KeyframeId id) { return std::abs(id.value - keyframe->first.value); };
-    return l.second != r.second ? l.second < r.second : away(l.first) > away(r.first);
+    return l.num_points != r.num_points ? l.num_points < r.num_points : away(l.keyframe) > away(r.keyframe);
   };
   const auto best = std::max_element(shared.begin(), shared.end(), is_worse);
-  if (best != shared.end()) return submap.keyframes.at(best->first);
+  if (best != shared.end()) return submap.keyframes.at(best->keyframe);
   return keyframe != submap.keyframes.begin() ? std::prev(keyframe)->second : std::next(keyframe)->second;
 }
 
@@ -85,7 +82,7 @@ void ApplyUpdate(Submap* submap, const MapUpdate& update) {
   for (const PointPosition& p : update.points) {
     SubmapPoint& point = submap->points[p.point];
     point.id = p.point;
-    point.position = p.position.cast<double>();
+    point.position = p.position;
   }
   for (const ObservationChange& o : update.observations) {
     MapPointId& slot = submap->keyframes.at(o.keyframe).map_points[o.feature];
@@ -98,8 +95,9 @@ void ApplyUpdate(Submap* submap, const MapUpdate& update) {
     if (it == submap->keyframes.end()) continue;
     const SubmapKeyframe& successor = Successor(*submap, it);
     submap->removed_keyframes[id] = {successor.id, it->second.cam_from_submap * successor.cam_from_submap.Inverse()};
-    for (int i = 0; i < it->second.features.Size(); ++i) {
-      if (it->second.map_points[i].IsValid()) RemoveObservation(submap, it->second.map_points[i], id, i);
+    for (size_t i = 0; i < it->second.map_points.size(); ++i) {
+      const MapPointId point = it->second.map_points[i];
+      if (point.IsValid()) RemoveObservation(submap, point, id, static_cast<int>(i));
     }
     submap->keyframes.erase(it);
   }
@@ -120,6 +118,7 @@ std::string ApplyKeyframe(Submap* submap, const RecordHeader& header, const Keyf
       record.nodes.size() != n) {
     return "keyframe: feature counts disagree";
   }
+  if (n > kMaxFeatures) return "keyframe: too many features";
   if (!IsFinite(record.cam_from_submap)) return "keyframe: pose is not finite";
   if (!record.keyframe.IsValid() || submap->keyframes.contains(record.keyframe) ||
       submap->removed_keyframes.contains(record.keyframe))
@@ -128,8 +127,17 @@ std::string ApplyKeyframe(Submap* submap, const RecordHeader& header, const Keyf
     if (id.IsValid() && !submap->points.contains(id)) return "keyframe: unknown map point " + std::to_string(id.value);
   }
   SubmapKeyframe& keyframe = submap->keyframes[record.keyframe];
-  keyframe = {record.keyframe, header.utime, record.frame, header.seq, record.cam_from_submap,
-              record.features, record.words, record.nodes, record.bow, record.map_points};
+  keyframe = {record.keyframe,
+              header.utime,
+              record.frame,
+              header.seq,
+              record.cam_from_submap,
+              record.features,
+              record.words,
+              record.nodes,
+              record.bow,
+              record.map_points,
+              {}};
   for (size_t i = 0; i < n; ++i) {
     if (record.map_points[i].IsValid()) {
       AddObservation(&submap->points.at(record.map_points[i]), record.keyframe, static_cast<int>(i));
@@ -152,6 +160,28 @@ TrackedFrame Submap::Resolved(TrackedFrame frame) const {
 Rigid3 Submap::CamFromSubmap(const TrackedFrame& frame) const {
   const TrackedFrame resolved = Resolved(frame);
   return resolved.cam_from_keyframe * keyframes.at(resolved.keyframe).cam_from_submap;
+}
+
+CompactVector<SharingKeyframe> Submap::CountShared(const SubmapKeyframe& keyframe) const {
+  if (!has_observations) return keyframe.shared;
+  std::map<KeyframeId, int> counts;
+  for (const MapPointId point_id : keyframe.map_points) {
+    const auto point = point_id.IsValid() ? points.find(point_id) : points.end();
+    if (point == points.end()) continue;
+    for (const SubmapObservation& o : point->second.observations) ++counts[o.keyframe];
+  }
+  counts.erase(keyframe.id);
+  CompactVector<SharingKeyframe> shared(counts.size());
+  std::transform(counts.begin(), counts.end(), shared.begin(), [](const auto& c) {
+    return SharingKeyframe{c.first, c.second};
+  });
+  return shared;
+}
+
+void Submap::ForgetObservations() {
+  for (auto& [keyframe_id, keyframe] : keyframes) keyframe.shared = CountShared(keyframe);
+  for (auto& [point_id, point] : points) point.observations = {};
+  has_observations = false;
 }
 
 std::string Session::Apply(const Record& record) {
@@ -192,7 +222,6 @@ std::string Session::Apply(const Record& record) {
       submap.end_detail = submap_end->detail;
       submap.last_frame = submap_end->last_frame;
       submap.points.shrink_to_fit();  // as it will stay
-      for (auto& [point_id, point] : submap.points) point.observations.shrink_to_fit();
     } else if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body)) {
       error = ApplyKeyframe(&submap, record.header, *keyframe);
     } else if (const auto* update = std::get_if<MapUpdate>(&record.body)) {

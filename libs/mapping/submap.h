@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "libs/mapping/compact_vector.h"
 #include "libs/mapping/ids.h"
 #include "libs/mapping/records.h"
 #include "libs/mapping/sorted_map.h"
@@ -12,6 +13,12 @@
 // applying records in order, so equal streams give equal models. Ordered containers, so that iteration is
 // deterministic.
 namespace mapmend {
+
+// How many map points a keyframe shares with another one.
+struct SharingKeyframe {
+  KeyframeId keyframe;  // the other
+  int num_points = 0;
+};
 
 struct SubmapKeyframe {
   KeyframeId id;
@@ -23,6 +30,7 @@ struct SubmapKeyframe {
   std::vector<int32_t> words, nodes;
   BowVector bow;
   std::vector<MapPointId> map_points;  // per feature
+  CompactVector<SharingKeyframe> shared;  // as Submap::CountShared; only known once observations are forgotten
 };
 
 struct SubmapObservation {
@@ -32,8 +40,8 @@ struct SubmapObservation {
 
 struct SubmapPoint {
   MapPointId id;
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // submap frame
-  std::vector<SubmapObservation> observations;         // ascending by keyframe
+  Eigen::Vector3f position = Eigen::Vector3f::Zero();  // submap frame; as the stream tells it
+  CompactVector<SubmapObservation> observations;       // ascending by keyframe
 };
 
 // A culled keyframe, and the one that shared most map points with it when it went: what refers to the one refers to
@@ -52,10 +60,17 @@ struct Submap {
   SortedMap<MapPointId, SubmapPoint> points;
   std::vector<TrackedFrame> frames;  // in the order they were tracked; they may refer to removed keyframes
   std::map<KeyframeId, RemovedKeyframe> removed_keyframes;
+  bool has_observations = true;  // of points; false: forgotten
 
   // The frame relative to a keyframe that there is.
   TrackedFrame Resolved(TrackedFrame frame) const;
   Rigid3 CamFromSubmap(const TrackedFrame& frame) const;
+
+  // Ascending by keyframe; without those that share nothing, and without itself.
+  CompactVector<SharingKeyframe> CountShared(const SubmapKeyframe& keyframe) const;
+  // Half of what map points take is who sees them, which the keyframes know as well. Of a submap that has ended, lets
+  // go of it and keeps what else is asked of it, CountShared.
+  void ForgetObservations();
 };
 
 struct Session {

@@ -23,7 +23,7 @@ std::vector<int> MappedFeatures(const Submap& submap, const SubmapKeyframe& keyf
 
 // In units of the submap; not positive if the point lies behind the camera.
 double PatchSize(const SubmapView& view, const SubmapKeyframe& keyframe, int feature, MapPointId point) {
-  const double depth = (keyframe.cam_from_submap * view.submap->points.at(point).position).z();
+  const double depth = (keyframe.cam_from_submap * view.submap->points.at(point).position.cast<double>()).z();
   return view.pyramid.Scale(keyframe.features.keypoints[feature].octave) * depth / view.camera.fx;
 }
 

@@ -44,7 +44,7 @@ std::vector<Eigen::Vector3d> Probes(const Connection& c, const Submap& a) {
     if (!c.agrees[i]) continue;
     for (const auto& [point, other] : c.evidence[i].common_points) {
       const auto it = a.points.find(point);
-      if (it != a.points.end()) all.push_back(it->second.position);
+      if (it != a.points.end()) all.push_back(it->second.position.cast<double>());
     }
   }
   constexpr size_t kMaxProbes = 30;

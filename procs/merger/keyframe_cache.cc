@@ -14,7 +14,7 @@ void Release(std::vector<T>* values) {
 }  // namespace
 
 bool KeyframeCache::IsComplete(const SubmapKeyframe& keyframe) {
-  return keyframe.features.descriptors.size() == keyframe.features.keypoints.size();
+  return keyframe.features.keypoints.size() == keyframe.map_points.size();
 }
 
 SubmapKeyframe* KeyframeCache::Find(const Key& key) {
@@ -45,11 +45,12 @@ void KeyframeCache::Load(const SubmapKey& submap, const std::vector<const Submap
 void KeyframeCache::Complete(const std::string& session, SubmapKeyframe* keyframe) {
   KeyframeRecord record = source_->Read(session, keyframe->seq);
   ++num_reads_;
-  if (record.keyframe != keyframe->id || record.features.descriptors.size() != keyframe->features.keypoints.size()) {
+  if (record.keyframe != keyframe->id || record.features.keypoints.size() != keyframe->map_points.size()) {
     throw std::runtime_error("the store has another keyframe under record " + std::to_string(keyframe->seq) +
                              " of session " + session);
   }
-  keyframe->features.descriptors = std::move(record.features.descriptors);
+  keyframe->features = std::move(record.features);
+  Release(&keyframe->features.colors);
   keyframe->nodes = std::move(record.nodes);
 }
 
@@ -64,7 +65,7 @@ void KeyframeCache::Touch(const Key& key) {
   while (static_cast<int>(order_.size()) > capacity_) {
     const Key last = order_.back();
     if (SubmapKeyframe* keyframe = Find(last)) {
-      Release(&keyframe->features.descriptors);
+      keyframe->features = {};
       Release(&keyframe->nodes);
     }
     position_.erase(last);

@@ -18,10 +18,9 @@ class KeyframeSource {
   virtual KeyframeRecord Read(const std::string& session, int64_t seq) = 0;
 };
 
-// Bounds what keyframes take in memory: descriptors and vocabulary nodes, the bulk of a keyframe, are held of the
-// `capacity` keyframes that were used last and read again of the others when they are needed. Where features lie and
-// what they observe is always there. What a keyframe's record says never changes, so results do not depend on the
-// capacity.
+// Bounds what keyframes take in memory: features and vocabulary nodes, the bulk of a keyframe, are held of the
+// `capacity` keyframes that were used last and read again of the others when they are needed. Pose and map points are
+// always there. What a keyframe's record says of its features never changes, so results do not depend on the capacity.
 class KeyframeCache {
  public:
   KeyframeCache(int capacity, KeyframeSource* source, std::map<std::string, Session>* sessions)

@@ -141,6 +141,7 @@ std::string Merger::Consume(const Record& record) {
   } else if (const auto* end = std::get_if<SubmapEnded>(&record.body)) {
     EvaluatePending(id, &evaluated);
     AskAgainLater({id, end->submap});
+    session.submaps.at(end->submap).ForgetObservations();
     // The submap will not change any more: its connections are estimated from where its points have come to lie.
     for (const auto& [pair, connection] : connections_) {
       const SubmapKey ended{id, end->submap};

@@ -8,11 +8,12 @@
 namespace mapmend {
 namespace {
 
-// A submap that grows, as it is now. `searchable`: with the descriptors too.
+// A submap that grows, as it is now. `searchable`: with the features too.
 std::shared_ptr<const Submap> Copy(const Submap& submap, bool searchable) {
   auto copy = std::make_shared<Submap>();
   copy->id = submap.id;
   copy->points = submap.points;
+  copy->has_observations = submap.has_observations;
   copy->frames = submap.frames;
   copy->removed_keyframes = submap.removed_keyframes;
   for (const auto& [id, keyframe] : submap.keyframes) {
@@ -21,9 +22,8 @@ std::shared_ptr<const Submap> Copy(const Submap& submap, bool searchable) {
     k.utime = keyframe.utime;
     k.seq = keyframe.seq;
     k.cam_from_submap = keyframe.cam_from_submap;
-    k.features.keypoints = keyframe.features.keypoints;
     k.map_points = keyframe.map_points;
-    if (searchable) k.features.descriptors = keyframe.features.descriptors;
+    if (searchable) k.features = keyframe.features;
   }
   return copy;
 }

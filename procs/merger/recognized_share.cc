@@ -24,7 +24,7 @@ std::vector<Sampled> Sample(const Submap& submap, const RecognizedShareOptions& 
     std::vector<Eigen::Vector3d> seen;
     for (const MapPointId id : s.keyframe->map_points) {
       const auto point = id.IsValid() ? submap.points.find(id) : submap.points.end();
-      if (point != submap.points.end()) seen.push_back(point->second.position);
+      if (point != submap.points.end()) seen.push_back(point->second.position.cast<double>());
     }
     s.depth = MedianDepth(submap, *s.keyframe);
     if (seen.empty() || !(s.depth > 0)) continue;

@@ -7,13 +7,13 @@ namespace mapmend {
 namespace {
 
 // Of the submaps of one component.
-class StoredDescriptors : public DescriptorSource {
+class StoredFeatures : public FeatureSource {
  public:
-  StoredDescriptors(std::unique_ptr<KeyframeSource> source, const std::vector<std::string>* session_of_submap)
+  StoredFeatures(std::unique_ptr<KeyframeSource> source, const std::vector<std::string>* session_of_submap)
       : source_(std::move(source)), session_of_submap_(session_of_submap) {}
 
-  std::vector<Descriptor> Read(int submap, const SubmapKeyframe& keyframe) override {
-    return source_->Read((*session_of_submap_)[submap], keyframe.seq).features.descriptors;
+  Features Read(int submap, const SubmapKeyframe& keyframe) override {
+    return source_->Read((*session_of_submap_)[submap], keyframe.seq).features;
   }
 
  private:
@@ -53,10 +53,10 @@ RefinementOutcome RunRefinement(const RefinementTask& task, const std::function<
       const int a = local[link.submap_a], b = local[link.submap_b];
       if (a >= 0 && b >= 0) links.push_back({a, b, link.keyframe_a, link.keyframe_b, link.b_from_a, link.robust});
     }
-    OpenDescriptorSource open_descriptors;
-    if (open) open_descriptors = [&] { return std::make_unique<StoredDescriptors>(open(), &sessions); };
+    OpenFeatureSource open_features;
+    if (open) open_features = [&] { return std::make_unique<StoredFeatures>(open(), &sessions); };
     const MergedRefinementResult result =
-        RefineMergedMap(views, root_from_submap, links, task.options, progress, open_descriptors);
+        RefineMergedMap(views, root_from_submap, links, task.options, progress, open_features);
     if (progress) progress("refinement: " + result.summary.reason);
 
     std::vector<RefinedSubmap> refined(members.size());

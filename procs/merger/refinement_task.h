@@ -14,8 +14,8 @@ namespace mapmend {
 
 // All that one refinement of the merged map needs: it can run in any thread while the merger goes on, but not longer
 // than the merger lives. Submaps that have ended are the merger's own, which do not change any more; those that grow
-// are copied. Of neither are descriptors and vocabulary nodes looked at, which come and go (keyframe_cache.h): the
-// descriptors are read from the store, those of a bounded number of keyframes at a time. A pure function.
+// are copied. Of neither are features and vocabulary nodes looked at, which come and go (keyframe_cache.h): features
+// are read from the store, those of a bounded number of keyframes at a time. A pure function.
 struct RefinementTask {
   struct Part {
     std::shared_ptr<const Submap> submap;
@@ -49,7 +49,7 @@ struct RefinementOutcome {
 using OpenKeyframeSource = std::function<std::unique_ptr<KeyframeSource>()>;
 
 // Refines each component by itself. progress is called now and then, in the caller's thread. open: null if the submaps
-// hold their descriptors.
+// hold their features.
 RefinementOutcome RunRefinement(const RefinementTask& task, const std::function<void(const std::string&)>& progress,
                                 const OpenKeyframeSource& open = {});
 

@@ -139,7 +139,7 @@ void GeometryWriter::WritePoints(Database* database) {
   auto it = submap_.points.lower_bound(next_point_);
   for (; it != submap_.points.end() && ids.size() < kPointsPerChunk; ++it) {
     ids.push_back(it->first.value);
-    for (int i = 0; i < 3; ++i) positions.push_back(static_cast<float>(it->second.position[i]));
+    for (int i = 0; i < 3; ++i) positions.push_back(it->second.position[i]);
   }
   Database::Use insert = database->Prepare(
       "INSERT OR REPLACE INTO map_points(session, submap, chunk, count, ids, positions) VALUES(?, ?, ?, ?, ?, ?)");

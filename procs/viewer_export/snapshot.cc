@@ -206,7 +206,7 @@ std::vector<ColoredPoint> ComponentPoints(const Snapshot& snapshot, int componen
         if (refined_point == refined->points.end() || refined->fused.contains(id)) continue;
         colored.position = refined_point->second;
       } else {
-        colored.position = submap.root_from_submap * point.position;
+        colored.position = submap.root_from_submap * point.position.cast<double>();
       }
       std::array<int, 3> sum = {0, 0, 0};
       int n = 0;

@@ -90,5 +90,30 @@ TEST_F(SubmapTest, ACulledKeyframeDoesNotComeBackAndTheLastOneStays) {
   EXPECT_EQ(TryApply(again), "keyframe: id used before");
 }
 
+TEST_F(SubmapTest, KnowsWhatKeyframesShareWithoutItsObservations) {
+  Apply(SubmapEnded{SubmapId(0), "end", "", 3, 0});
+  Submap forgetful = Map();
+  forgetful.ForgetObservations();
+  for (const auto& [id, point] : forgetful.points) {
+    EXPECT_EQ(Map().points.at(id).observations.size(), 2u);
+    EXPECT_TRUE(point.observations.empty());
+  }
+  for (const auto& [id, keyframe] : Map().keyframes) {
+    const auto known = Map().CountShared(keyframe), kept = forgetful.CountShared(forgetful.keyframes.at(id));
+    ASSERT_EQ(known.size(), kept.size());
+    for (size_t i = 0; i < known.size(); ++i) {
+      EXPECT_EQ(known[i].keyframe, kept[i].keyframe);
+      EXPECT_EQ(known[i].num_points, kept[i].num_points);
+    }
+  }
+  const auto shared = forgetful.CountShared(forgetful.keyframes.at(KeyframeId(2)));
+  ASSERT_EQ(shared.size(), 2u);
+  EXPECT_EQ(shared[0].keyframe, KeyframeId(1));
+  EXPECT_EQ(shared[0].num_points, 4);
+  EXPECT_EQ(shared[1].keyframe, KeyframeId(3));
+  EXPECT_EQ(shared[1].num_points, 2);
+  EXPECT_TRUE(forgetful.CountShared(forgetful.keyframes.at(KeyframeId(0))).empty());
+}
+
 }  // namespace
 }  // namespace mapmend

@@ -141,17 +141,60 @@ TEST(MergedRefinement, ALargeMapIsStraightenedByItsOverlapsAndAdjustedAtItsSeams
   EXPECT_LT(one.summary.bundles[0].num_observations, result.summary.bundles[0].num_observations);
 }
 
+TEST(MergedMap, NeedsNeitherFeaturesNorObservationsOfItsSubmaps) {
+  struct Source : FeatureSource {
+    explicit Source(const std::vector<SubmapView>* all) : views(all) {}
+    Features Read(int submap, const SubmapKeyframe& keyframe) override {
+      return (*views)[submap].submap->keyframes.at(keyframe.id).features;
+    }
+    const std::vector<SubmapView>* views;
+  };
+  const auto survey = MakeDriftingSurvey();
+  const MergedMap expected = MakeMergedMap(survey->views, survey->tree);
+  Session bare = survey->session;
+  std::vector<SubmapView> views = survey->views;
+  for (size_t s = 0; s < views.size(); ++s) {
+    Submap& submap = bare.submaps.at(views[s].submap->id);
+    submap.ForgetObservations();
+    for (auto& [id, keyframe] : submap.keyframes) keyframe.features = {};
+    views[s].submap = &submap;
+  }
+  EXPECT_THROW(MakeMergedMap(views, survey->tree), std::runtime_error);
+  const MergedMap map = MakeMergedMap(views, survey->tree, [&] { return std::make_unique<Source>(&survey->views); });
+  ASSERT_EQ(map.points.size(), expected.points.size());
+  size_t num_elements = 0;
+  for (size_t i = 0; i < map.points.size(); ++i) {
+    EXPECT_EQ(map.points[i].position, expected.points[i].position);
+    const Submap& submap = *survey->views[map.points[i].first.first].submap;
+    const auto& observations = submap.points.at(map.points[i].first.second).observations;
+    ASSERT_EQ(map.points[i].track.size(), observations.size());
+    for (size_t j = 0; j < observations.size(); ++j) {
+      const TrackElement& e = map.points[i].track[j];
+      const Keypoint& keypoint =
+          submap.keyframes.at(observations[j].keyframe).features.keypoints[observations[j].feature];
+      EXPECT_EQ(map.keyframes[e.keyframe].keyframe->id, observations[j].keyframe);
+      EXPECT_EQ(e.feature, observations[j].feature);
+      EXPECT_EQ(e.octave, keypoint.octave);
+      EXPECT_EQ(e.pixel, keypoint.pixel);
+      EXPECT_EQ(map.point_of_feature[e.keyframe][e.feature], static_cast<int>(i));
+      ++num_elements;
+    }
+  }
+  EXPECT_GT(num_elements, 5000u);
+  EXPECT_EQ(map.point_of_feature, expected.point_of_feature);
+}
+
 TEST(SearchedKeyframes, AreReadAFewAtATimeAndTheSameIsFound) {
   struct Counts {
     int num_read = 0, num_open = 0;
   };
-  struct Source : DescriptorSource {
+  struct Source : FeatureSource {
     explicit Source(Counts* c) : counts(c) { ++counts->num_open; }
     ~Source() override { --counts->num_open; }
-    std::vector<Descriptor> Read(int, const SubmapKeyframe& keyframe) override {
+    Features Read(int, const SubmapKeyframe& keyframe) override {
       EXPECT_EQ(counts->num_open, 1);
       ++counts->num_read;
-      return keyframe.features.descriptors;
+      return keyframe.features;
     }
     Counts* counts;
   };
@@ -176,8 +219,8 @@ TEST(SearchedKeyframes, AreReadAFewAtATimeAndTheSameIsFound) {
     for (size_t i = 0; i < map.points.size(); ++i) ASSERT_EQ(map.points[i].track, direct.points[i].track);
   }
   SearchedKeyframes broken(read, [] {
-    struct Empty : DescriptorSource {
-      std::vector<Descriptor> Read(int, const SubmapKeyframe&) override { return {}; }
+    struct Empty : FeatureSource {
+      Features Read(int, const SubmapKeyframe&) override { return {}; }
     };
     return std::make_unique<Empty>();
   });

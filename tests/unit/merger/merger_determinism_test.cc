@@ -197,7 +197,13 @@ TEST(MergerDeterminism, TheMapIsTheSameHoweverFewKeyframesAreHeld) {
   EXPECT_GT(merger.keyframe_cache().num_reads(), 4);
   int complete = 0;
   for (const auto& [id, submap] : merger.sessions().begin()->second.submaps) {
-    for (const auto& [k, keyframe] : submap.keyframes) complete += !keyframe.features.descriptors.empty();
+    for (const auto& [k, keyframe] : submap.keyframes) {
+      complete += !keyframe.features.descriptors.empty();
+      // Nothing is kept of a feature that is beyond the cache, but what it observes.
+      EXPECT_EQ(keyframe.features.keypoints.size(), keyframe.features.descriptors.size());
+      EXPECT_EQ(keyframe.nodes.size(), keyframe.features.descriptors.size());
+      EXPECT_EQ(keyframe.features.keypoints.capacity() > 0, !keyframe.features.keypoints.empty());
+    }
   }
   EXPECT_EQ(complete, 24);
   EXPECT_EQ(Digest(few), Digest(all));
