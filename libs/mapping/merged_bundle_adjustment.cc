@@ -110,7 +110,8 @@ void AddReadouts(const MergedMap& map, BundleProblem* problem) {
 bool AreTaken(const std::vector<double>& readouts, const BundleSummary& bundle, const MergedBundleOptions& options) {
   const auto is_plausible = [&](double t) { return std::abs(t) <= options.max_readout; };
   const auto is_noticeable = [&](double t) { return std::abs(t) >= options.min_readout; };
-  return bundle.final_cost <= (1 - options.min_gain) * bundle.initial_cost &&
+  const double drop = bundle.initial_cost - bundle.final_cost;
+  return drop >= options.min_gain * bundle.initial_cost && drop >= options.min_drop &&
          std::all_of(readouts.begin(), readouts.end(), is_plausible) &&
          std::any_of(readouts.begin(), readouts.end(), is_noticeable);
 }

@@ -14,9 +14,10 @@ struct MergedBundleOptions {
   // follow, each fitted to the solved poses. 0: all points take part.
   int points_per_keyframe = 250;
   // Readout times of the flights' rolling shutters are unknowns too. The result is taken only if it lowers the cost by
-  // this fraction and each is a readout time that there could be; else the map stays as it is.
+  // this fraction and so much (chance: 2), and each is a readout time that there could be; else the map stays as it is.
   bool find_readouts = false;
-  double min_gain = 0.01;                        // 0.002 to 0.006 where all rows were read at once, 0.015 to 0.2 elsewhere
+  double min_gain = 0.01;  // 0.002 to 0.006 where all rows were read at once, 0.015 to 0.2 elsewhere
+  double min_drop = 20;
   double min_readout = 0.002, max_readout = 0.1;  // seconds, either way: a camera may be mounted upside down
   double outlier_squared_error = 9.21;            // sigma^2; observations beyond it are removed after the adjustment
 };
