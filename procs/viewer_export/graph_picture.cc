@@ -15,8 +15,8 @@ using Eigen::Vector2d;
 using Verdict = EvaluatedConnection::Verdict;
 
 constexpr double kTop = 92, kRow = 64, kNodeX = 300, kRadius = 16;
-constexpr double kLaneStart = 64, kWideLane = 168, kNarrowLane = 16;
-constexpr double kLabelWidth = 150, kLabelHeight = 36;
+constexpr double kLaneStart = 64, kWideLane = 84, kNarrowLane = 16;
+constexpr double kLabelWidth = 150, kLabelHeight = 36;  // narrower than two lanes: it covers no other bracket
 constexpr size_t kMostLabelledExtras =
     8;                                // accepted connections off the tree get a label while there are no more of them
 constexpr size_t kMostRejected = 12;  // more rejected ones are only counted
@@ -26,13 +26,35 @@ struct Bracket {
   const GraphEdge* edge = nullptr;
   bool labelled = false;
   int lane = 0;
+  int label_row = 0;  // the label stands below this row
   double x = 0;
   double y_a = 0, y_b = 0;  // where it leaves its submaps
 };
 
 double RowY(int row) { return kTop + kRow * row + kRow / 2; }
 
-// Lanes from the inside out: shorter brackets first, each in the innermost lane that is free between its ends.
+// A label's row: of those that the bracket spans the one nearest to its middle where neither its own lane nor those
+// beside it have one; -1 if there is none.
+int FindLabelRow(const Bracket& bracket, const std::vector<std::vector<const Bracket*>>& lanes, size_t lane) {
+  const auto is_taken = [&](int row) {
+    for (size_t l = lane > 0 ? lane - 1 : 0; l < std::min(lane + 2, lanes.size()); ++l) {
+      if (std::any_of(lanes[l].begin(), lanes[l].end(), [&](const Bracket* b) { return b->label_row == row; })) {
+        return true;
+      }
+    }
+    return false;
+  };
+  const int a = bracket.edge->a, b = bracket.edge->b, middle = (a + b - 1) / 2;
+  for (int away = 0; away < b - a; ++away) {
+    for (const int row : {middle - away, middle + away}) {
+      if (row >= a && row < b && !is_taken(row)) return row;
+    }
+  }
+  return -1;
+}
+
+// Lanes from the inside out: shorter brackets first, each in the innermost lane that is free between its ends and, if
+// it has a label, has room for that.
 int AssignLanes(std::vector<Bracket*> brackets) {
   std::stable_sort(brackets.begin(), brackets.end(), [](const Bracket* p, const Bracket* q) {
     return std::make_pair(p->edge->b - p->edge->a, p->edge->a) < std::make_pair(q->edge->b - q->edge->a, q->edge->a);
@@ -43,8 +65,13 @@ int AssignLanes(std::vector<Bracket*> brackets) {
     const auto meets = [&](const Bracket* other) {
       return bracket->edge->a < other->edge->b && other->edge->a < bracket->edge->b;
     };
-    while (lane < lanes.size() && std::any_of(lanes[lane].begin(), lanes[lane].end(), meets)) ++lane;
-    if (lane == lanes.size()) lanes.emplace_back();
+    const auto fits = [&] {
+      if (lane < lanes.size() && std::any_of(lanes[lane].begin(), lanes[lane].end(), meets)) return false;
+      if (bracket->labelled) bracket->label_row = FindLabelRow(*bracket, lanes, lane);
+      return bracket->label_row >= 0;
+    };
+    while (!fits()) ++lane;
+    if (lane >= lanes.size()) lanes.resize(lane + 1);
     lanes[lane].push_back(bracket);
     bracket->lane = static_cast<int>(lane);
   }
@@ -103,8 +130,7 @@ void DrawBracket(const Snapshot& snapshot, const Bracket& bracket, Canvas* canva
 void DrawLabel(const Snapshot& snapshot, const Bracket& bracket, Canvas* canvas) {
   const EvaluatedConnection& c = *bracket.edge->connection;
   // Half-way between two rows, where no bracket turns.
-  const int middle = (bracket.edge->a + bracket.edge->b - 1) / 2;
-  const Vector2d center(bracket.x, RowY(middle) + kRow / 2);
+  const Vector2d center(bracket.x, RowY(bracket.label_row) + kRow / 2);
   char first[64], second[96];
   std::snprintf(first, sizeof(first), "%d – %d · C %.1f", snapshot.submaps[bracket.edge->a].number,
                 snapshot.submaps[bracket.edge->b].number, c.strength);
@@ -172,8 +198,7 @@ GraphLayout LayOut(const Snapshot& snapshot, const std::vector<GraphEdge>& edges
       continue;
     }
     const bool accepted = edge.connection->verdict == Verdict::kAccepted;
-    layout.brackets.push_back(
-        {&edge, accepted && (edge.connection->in_tree || num_extras <= kMostLabelledExtras), 0, 0, 0, 0});
+    layout.brackets.push_back({&edge, accepted && (edge.connection->in_tree || num_extras <= kMostLabelledExtras)});
   }
   std::vector<Bracket*> wide, narrow;
   for (Bracket& bracket : layout.brackets) (bracket.labelled ? wide : narrow).push_back(&bracket);
