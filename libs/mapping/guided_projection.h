@@ -55,7 +55,6 @@ ProjectionMatches FindByProjection(const std::vector<PointAppearance>& appearanc
                                    const std::vector<Eigen::Quaterniond>& source_rotations,
                                    const Similarity3& cam_from_owner, const Pinhole& camera, const Pyramid& pyramid,
                                    const std::vector<Keypoint>& keypoints, const std::vector<Descriptor>& descriptors,
-                                   const FeatureGrid& grid,
-                                   const ProjectionSearchOptions& options);
+                                   const FeatureGrid& grid, const ProjectionSearchOptions& options);
 
 }  // namespace mapmend

@@ -59,6 +59,8 @@ double RowHeight(const Pinhole& ideal, const Camera& real, const Eigen::Vector2d
 
 Eigen::Vector2d ShutterCorrection(const Pinhole& camera, const CameraMotion& motion, const Eigen::Vector3d& x_cam,
                                   double row_height) {
+  constexpr double kMinDepth = 1e-6;  // as ReprojectionCost's
+  if (x_cam.z() < kMinDepth) return Eigen::Vector2d::Zero();
   return row_height * (ProjectionJacobian(camera, x_cam) * (motion.velocity + motion.turn_rate.cross(x_cam)));
 }
 

@@ -27,7 +27,8 @@ std::vector<CameraMotion> KeyframeMotions(const Submap& submap);
 double RowHeight(const Pinhole& ideal, const Camera& real, const Eigen::Vector2d& pixel);
 
 // Pixels per second of readout time to add to a pixel in the row of this height to get where it would be if all rows
-// had been read at once. x_cam: where the point is, in submap units.
+// had been read at once. x_cam: where the point is, in submap units; behind the camera nothing is
+// corrected.
 Eigen::Vector2d ShutterCorrection(const Pinhole& camera, const CameraMotion& motion, const Eigen::Vector3d& x_cam,
                                   double row_height);
 

@@ -29,7 +29,7 @@ struct SubmapKeyframe {
   Features features;
   std::vector<int32_t> words, nodes;
   BowVector bow;
-  std::vector<MapPointId> map_points;  // per feature
+  std::vector<MapPointId> map_points;     // per feature
   CompactVector<SharingKeyframe> shared;  // as Submap::CountShared; only known once observations are forgotten
 };
 

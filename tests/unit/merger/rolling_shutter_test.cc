@@ -89,6 +89,8 @@ TEST(RollingShutter, CorrectionMovesAPixelToWhereItWouldBeAtTheMiddleRow) {
     EXPECT_GT((read - camera.Project(x)).norm(), 0.3);
     EXPECT_LT((corrected - camera.Project(x)).norm(), 0.01);
   }
+  EXPECT_EQ(ShutterCorrection(camera, motion, {1, 1, 0}, 0.5), Eigen::Vector2d::Zero());
+  EXPECT_EQ(ShutterCorrection(camera, motion, {1, 1, -2}, 0.5), Eigen::Vector2d::Zero());
 }
 
 TEST(RollingShutter, RowsAreThoseOfTheRealImage) {
