@@ -92,10 +92,9 @@ MergedMap MakeMergedMap(const std::vector<SubmapView>& submaps, const std::vecto
   for (int s = 0; s < static_cast<int>(submaps.size()); ++s) {
     const size_t first_keyframe = map.keyframes.size();
     const Submap& submap = *submaps[s].submap;
-    const std::vector<CameraMotion> motions = KeyframeMotions(submap);
     for (const auto& [id, keyframe] : submap.keyframes) {
-      map.keyframes.push_back({s, &keyframe, TransformWorld(keyframe.cam_from_submap, root_from_submap[s]),
-                               root_from_submap[s].scale, motions[map.keyframes.size() - first_keyframe]});
+      map.keyframes.push_back(
+          {s, &keyframe, TransformWorld(keyframe.cam_from_submap, root_from_submap[s]), root_from_submap[s].scale});
       map.point_of_feature.push_back(PlacesOfPoints(submap, keyframe));
     }
     AddPoints(s, root_from_submap[s], std::span(map.point_of_feature).subspan(first_keyframe), &map);
@@ -114,6 +113,13 @@ MergedMap MakeMergedMap(const std::vector<SubmapView>& submaps, const std::vecto
     }
   }
   return map;
+}
+
+void MeasureMotions(MergedMap* map) {
+  size_t k = 0;
+  for (const SubmapView& view : map->submaps) {
+    for (const CameraMotion& motion : KeyframeMotions(*view.submap)) map->keyframes[k++].motion = motion;
+  }
 }
 
 void MovePointsWithKeyframes(const std::vector<MergedKeyframe>& before, MergedMap* map) {

@@ -18,8 +18,8 @@ struct MergedKeyframe {
   int submap = -1;  // index into MergedMap::submaps
   const SubmapKeyframe* keyframe = nullptr;
   Rigid3 cam_from_root;
-  double scale = 1;  // length of one submap unit near this keyframe, root units
-  CameraMotion motion = {};
+  double scale = 1;          // length of one submap unit near this keyframe, root units
+  CameraMotion motion = {};  // see MeasureMotions
 
   // x_root = root_from_cam * x_cam with x_cam in submap units.
   Similarity3 RootFromCam() const {
@@ -86,6 +86,9 @@ struct MergedMap {
 // Puts every submap in place as it is.
 MergedMap MakeMergedMap(const std::vector<SubmapView>& submaps, const std::vector<Similarity3>& root_from_submap,
                         const OpenFeatureSource& open_features = {});
+
+// Sets the motion of each keyframe, which corrections of a rolling shutter need, from the frames of its submap.
+void MeasureMotions(MergedMap* map);
 
 // Makes the points follow their keyframes after the poses have changed: each point keeps its place in the camera frame
 // of the keyframe that saw it first.

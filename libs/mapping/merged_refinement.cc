@@ -143,6 +143,7 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
     result.map = std::move(map);
     return result;
   }
+  if (options.find_readouts) MeasureMotions(&map);
   const std::vector<MergedKeyframe> tree_keyframes = map.keyframes;
   SearchedKeyframes searched(map, open_features);
 

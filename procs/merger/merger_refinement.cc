@@ -8,18 +8,16 @@
 namespace mapmend {
 namespace {
 
-// A submap that grows, as it is now. `searchable`: with the features too.
+// A submap that grows, as it is now, without what only the final refinement looks at. `searchable`: with the features
+// too.
 std::shared_ptr<const Submap> Copy(const Submap& submap, bool searchable) {
   auto copy = std::make_shared<Submap>();
   copy->id = submap.id;
   copy->points = submap.points;
   copy->has_observations = submap.has_observations;
-  copy->frames = submap.frames;
-  copy->removed_keyframes = submap.removed_keyframes;
   for (const auto& [id, keyframe] : submap.keyframes) {
     SubmapKeyframe& k = copy->keyframes[id];
     k.id = id;
-    k.utime = keyframe.utime;
     k.seq = keyframe.seq;
     k.cam_from_submap = keyframe.cam_from_submap;
     k.map_points = keyframe.map_points;
