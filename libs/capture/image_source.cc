@@ -11,6 +11,8 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "libs/geometry/times_file.h"
+
 namespace mapmend {
 namespace {
 
@@ -61,30 +63,6 @@ std::set<int> ParseFrameRanges(const std::string& text) {
   return frames;
 }
 
-std::vector<int64_t> ReadTimes(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) throw std::runtime_error("times file " + path + ": cannot be read");
-  std::vector<int64_t> times;
-  int number = 0;
-  for (std::string line; std::getline(file, line);) {
-    ++number;
-    if (line.empty() || line[0] == '#') continue;
-    // Whole seconds and fraction apart, so that no microsecond is lost in a double.
-    std::istringstream fields(line);
-    long double seconds = 0;
-    if (!(fields >> seconds) || !std::isfinite(seconds)) {
-      throw std::runtime_error("times file " + path + ": line " + std::to_string(number) + " is not a time in seconds");
-    }
-    const int64_t utime = std::llround(seconds * 1e6L);
-    if (!times.empty() && utime <= times.back()) {
-      throw std::runtime_error("times file " + path + ": line " + std::to_string(number) +
-                               " is not later than the one before");
-    }
-    times.push_back(utime);
-  }
-  return times;
-}
-
 ImageSource::ImageSource(const std::string& input, const std::string& times_path, double camera_fps,
                          const std::set<int>& skip)
     : input_(input), skip_(skip) {
@@ -106,7 +84,7 @@ ImageSource::ImageSource(const std::string& input, const std::string& times_path
     if (!(fps_ > 0)) fps_ = camera_fps > 0 ? camera_fps : 30;
   }
   if (!times_path.empty()) {
-    times_ = ReadTimes(times_path);
+    times_ = ReadFrameTimes(times_path).utimes;
     if (static_cast<int>(times_.size()) < total_) {
       throw std::runtime_error("times file " + times_path + ": " + std::to_string(times_.size()) + " times for " +
                                std::to_string(total_) + " frames");

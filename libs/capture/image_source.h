@@ -18,9 +18,6 @@ namespace mapmend {
 // Frame indices to leave out, from text like "80-120,200-240,300". Throws std::runtime_error naming what is malformed.
 std::set<int> ParseFrameRanges(const std::string& text);
 
-// Seconds, one per line (further columns ignored). Throws std::runtime_error naming file and line.
-std::vector<int64_t> ReadTimes(const std::string& path);
-
 // Frames of a video file or of a folder of images (in the order of their names).
 class ImageSource : public ImageStream {
  public:

@@ -51,51 +51,6 @@ std::string ParseLine(const std::vector<std::string_view>& fields, StampedPose* 
 
 }  // namespace
 
-bool ParseSeconds(std::string_view text, int64_t* utime) {
-  size_t at = 0;
-  bool negative = false;
-  if (at < text.size() && (text[at] == '-' || text[at] == '+')) negative = text[at++] == '-';
-  std::string digits;
-  int exponent = 0;  // value = digits * 10^exponent
-  bool point = false;
-  for (; at < text.size(); ++at) {
-    if (text[at] == '.' && !point) {
-      point = true;
-    } else if (text[at] >= '0' && text[at] <= '9') {
-      digits += text[at];
-      exponent -= point;
-    } else {
-      break;
-    }
-  }
-  if (digits.empty()) return false;
-  if (at < text.size()) {
-    if (text[at] != 'e' && text[at] != 'E') return false;
-    ++at;
-    if (at < text.size() && text[at] == '+') ++at;
-    int written = 0;
-    const auto [end, error] = std::from_chars(text.data() + at, text.data() + text.size(), written);
-    if (error != std::errc() || end != text.data() + text.size() || std::abs(written) > 1000) return false;
-    exponent += written;
-  }
-  const size_t zeros = digits.find_first_not_of('0');
-  if (zeros == std::string::npos) {
-    *utime = 0;
-    return true;
-  }
-  digits.erase(0, zeros);
-  // Keep the digits down to 1e-6, and the next one for rounding.
-  const int64_t num_kept = static_cast<int64_t>(digits.size()) + exponent + 6;
-  if (num_kept > 18) return false;
-  int64_t value = 0;
-  for (int64_t i = 0; i < num_kept; ++i) {
-    value = 10 * value + (i < static_cast<int64_t>(digits.size()) ? digits[i] - '0' : 0);
-  }
-  if (num_kept >= 0 && num_kept < static_cast<int64_t>(digits.size()) && digits[num_kept] >= '5') ++value;
-  *utime = negative ? -value : value;
-  return true;
-}
-
 std::string FormatSeconds(int64_t utime) {
   const uint64_t magnitude = utime < 0 ? -static_cast<uint64_t>(utime) : static_cast<uint64_t>(utime);
   char text[48];

@@ -7,6 +7,7 @@
 
 #include "libs/geometry/rigid3.h"
 #include "libs/geometry/similarity3.h"
+#include "libs/geometry/time_unit.h"
 
 // Trajectories and the text format of the TUM RGB-D benchmark (Sturm et al., IROS 2012): one pose a line,
 // `t tx ty tz qx qy qz qw`, t in seconds, world_from_camera; lines that begin with # are comments.
@@ -27,9 +28,6 @@ Trajectory ReadTrajectory(const std::string& path);
 void WriteTrajectory(const std::string& path, const Trajectory& trajectory, const std::string& comment);
 std::string FormatTrajectory(const Trajectory& trajectory, const std::string& comment);
 
-// Decimal seconds ("1525003606.0", "1.5250036060e9") to microseconds, rounded half away from zero beyond the sixth
-// decimal. False if the text is not a number or does not fit.
-bool ParseSeconds(std::string_view text, int64_t* utime);
 // "1525003606.000000"
 std::string FormatSeconds(int64_t utime);
 

@@ -10,6 +10,7 @@
 
 #include "libs/capture/image_source.h"
 #include "libs/geometry/camera.h"
+#include "libs/geometry/times_file.h"
 #include "libs/geometry/trajectory_file.h"
 #include "libs/retrieval/vocabulary.h"
 #include "procs/mapmend/paths.h"
@@ -57,23 +58,6 @@ int ProbeVideo(const std::string& path) {
   if (!video.grab()) Fail("input " + path + ": the video holds no frame that can be decoded");
   const double count = video.get(cv::CAP_PROP_FRAME_COUNT);
   return std::isfinite(count) && count > 0 && count < 1e9 ? static_cast<int>(count) : 0;
-}
-
-int CountTimes(const std::string& path) {
-  std::ifstream file(path);
-  int line_number = 0, count = 0;
-  for (std::string line; std::getline(file, line);) {
-    ++line_number;
-    const size_t begin = line.find_first_not_of(" \t\r");
-    if (begin == std::string::npos || line[begin] == '#') continue;
-    const size_t end = line.find_first_of(" \t\r,", begin);
-    int64_t utime = 0;
-    if (!ParseSeconds(std::string_view(line).substr(begin, end == std::string::npos ? end : end - begin), &utime)) {
-      Fail("times file " + path + ", line " + std::to_string(line_number) + ": not a number of seconds");
-    }
-    ++count;
-  }
-  return count;
 }
 
 void CheckVocabulary(RunInputs* inputs) {
@@ -134,7 +118,9 @@ void CheckFileInput(RunInputs* inputs) {
   inputs->num_frames = is_folder ? CountImages(options.input) : ProbeVideo(options.input);
   if (!options.times.empty()) {
     RequireReadableFile(options.times, "times file");
-    const int num_times = CountTimes(options.times);
+    const FrameTimes times = ReadFrameTimes(options.times);
+    if (!times.note.empty()) inputs->notes.push_back(times.note);
+    const int num_times = static_cast<int>(times.utimes.size());
     if (num_times < inputs->num_frames) {
       Fail("times file " + options.times + " has " + std::to_string(num_times) + " lines for " +
            std::to_string(inputs->num_frames) + " frames; it needs one for each");

@@ -1,7 +1,6 @@
 // `mapmend vocab recall`: how often a vocabulary finds the same place again, on a flight with ground truth.
 
 #include <cstdio>
-#include <fstream>
 #include <map>
 #include <memory>
 #include <opencv2/core.hpp>
@@ -10,6 +9,7 @@
 #include <stdexcept>
 
 #include "libs/features/orb_extractor.h"
+#include "libs/geometry/times_file.h"
 #include "libs/geometry/trajectory_file.h"
 #include "libs/retrieval/recall.h"
 #include "libs/retrieval/vocabulary.h"
@@ -25,21 +25,6 @@ struct Arguments {
   RecallOptions recall;
 };
 
-// Seconds, one line per frame.
-std::vector<int64_t> ReadTimes(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) throw std::runtime_error("cannot read " + path);
-  std::vector<int64_t> utimes;
-  std::string line;
-  while (std::getline(file, line)) {
-    utimes.emplace_back();
-    if (!ParseSeconds(line, &utimes.back())) {
-      throw std::runtime_error(path + " line " + std::to_string(utimes.size()) + ": not a time in seconds");
-    }
-  }
-  return utimes;
-}
-
 void Run(const Arguments& arguments) {
   const std::string path = arguments.vocabulary.empty() ? DefaultVocabulary() : arguments.vocabulary;
   if (path.empty()) throw std::runtime_error("no vocabulary found: give one with --vocabulary");
@@ -51,7 +36,7 @@ void Run(const Arguments& arguments) {
   orb.num_features = arguments.num_features;
   const OrbExtractor extractor(orb);
 
-  const std::vector<int64_t> utimes = ReadTimes(arguments.times);
+  const std::vector<int64_t> utimes = ReadFrameTimes(arguments.times).utimes;
   std::map<int64_t, Eigen::Vector3d> positions;
   for (const StampedPose& pose : groundtruth) positions[pose.utime] = pose.world_from_camera.translation;
 

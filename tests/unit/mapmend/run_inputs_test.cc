@@ -96,7 +96,7 @@ TEST_F(RunInputsTest, WantsATimeForEachFrame) {
   options_.times = Write("times.txt", "# seconds\n1.0\n2.0\n");
   EXPECT_EQ(Error(), "times file " + options_.times + " has 2 lines for 172 frames; it needs one for each");
   options_.times = Write("times.txt", "1.0\nsoon\n");
-  EXPECT_EQ(Error(), "times file " + options_.times + ", line 2: not a number of seconds");
+  EXPECT_EQ(Error(), "times file " + options_.times + ", line 2: \"soon\" is not a time");
 }
 
 TEST_F(RunInputsTest, NamesAVocabularyThatIsNone) {
