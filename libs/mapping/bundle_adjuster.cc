@@ -13,7 +13,8 @@
 namespace mapmend {
 namespace {
 
-constexpr int kPointGroup = 0, kPoseGroup = 1;  // the order of elimination
+// The order of elimination. Within a group Ceres goes by address: each group lies in one array, in order of index.
+constexpr int kPointGroup = 0, kPoseGroup = 1, kReadoutGroup = 2;
 constexpr int kMaxDensePoses = 60;
 
 class ReadoutPrior : public ceres::SizedCostFunction<1, 1> {
@@ -133,7 +134,7 @@ BundleSummary BundleAdjuster::Adjust(const BundleOptions& options, BundleProblem
   for (double& readout : readouts) {
     ceres_problem.AddParameterBlock(&readout, 1);
     ceres_problem.AddResidualBlock(&pull, nullptr, &readout);
-    kept.ordering->AddElementToGroup(&readout, kPoseGroup);
+    kept.ordering->AddElementToGroup(&readout, kReadoutGroup);
   }
   for (size_t i = 0; i < problem->observations.size(); ++i) {
     const BundleObservation& o = problem->observations[i];

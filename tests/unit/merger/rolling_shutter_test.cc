@@ -5,6 +5,7 @@
 #include "libs/geometry/sim3_closed_form.h"
 #include "libs/mapping/merged_refinement.h"
 #include "libs/mapping/reprojection_cost.h"
+#include "tests/shuffled_heap.h"
 #include "tests/unit/merger/merger_fixture.h"
 
 namespace mapmend {
@@ -67,6 +68,17 @@ TEST(RollingShutter, IsFoundAndTakenOutOfTheMap) {
   RecordProperty("mended_mm", static_cast<int>(1000 * mended.error));
   EXPECT_GT(bent.error, 2.5 * at_once.error);
   EXPECT_LT(mended.error, 1.5 * at_once.error);
+}
+
+// To the bit, wherever things lie in memory.
+TEST(RollingShutter, TheSameMapWhateverTheAllocatorDoes) {
+  const Refined first = Refine(0.03, true);
+  for (const uint64_t seed : {1, 2, 3}) {
+    const testing::ShuffledHeap heap(seed);
+    const Refined again = Refine(0.03, true);
+    EXPECT_EQ(first.readout, again.readout) << seed;
+    EXPECT_EQ(first.error, again.error) << seed;
+  }
 }
 
 TEST(RollingShutter, OfACameraUpsideDownReadsTheOtherWay) { EXPECT_NEAR(Refine(-0.03, true).readout, -0.03, 0.002); }
