@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <iostream>
 
+#include "libs/bus/access_token.h"
 #include "libs/bus/stop_request.h"
 
 namespace mapmend {
@@ -25,6 +26,8 @@ void AddProcessOptions(CLI::App* app, ProcessOptions* options) {
                   "LCM network, e.g. tcpq://127.0.0.1:7700 (default: $LCM_DEFAULT_URL, else tcpq://127.0.0.1:7700)");
   app->add_option("--channel-prefix", options->channel_prefix,
                   "put before every channel name, so that runs can share a bus");
+  app->add_option("--token-file", options->token_file,
+                  "the token of a hub on another host, a copy of its file (default: the token in $MAPMEND_TOKEN)");
   app->add_option("--log-level", options->log_level, "debug, info, warn or error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
       ->capture_default_str();
@@ -36,6 +39,11 @@ void ApplyLogLevel(const ProcessOptions& options) {
   static const auto logger = spdlog::stderr_color_mt("mapmend");
   spdlog::set_default_logger(logger);
   spdlog::set_level(spdlog::level::from_str(options.log_level));
+  ApplyTokenFile(options.token_file);
+}
+
+void ApplyTokenFile(const std::string& token_file) {
+  if (!token_file.empty()) setenv(kTokenEnvironment, ReadToken(token_file).c_str(), 1);
 }
 
 void InstallSignalHandlers() {

@@ -6,14 +6,18 @@
 
 namespace mapmend {
 
-// Options every process has: --lcm-url, --channel-prefix, --log-level, --version. Adds them to app.
+// Options every process has: --lcm-url, --channel-prefix, --token-file, --log-level, --version. Adds them to app.
 struct ProcessOptions {
   std::string lcm_url;  // as given; pass through ResolveLcmUrl
   std::string channel_prefix;
+  std::string token_file;  // what a hub of another host wants to be shown
   std::string log_level = "info";
 };
 void AddProcessOptions(CLI::App* app, ProcessOptions* options);
-// Sends the log to stderr, from the given level on. Call after parsing.
+// Reads the token file, if one is given, into the environment, where the bus of this process and of those that it
+// starts find it (libs/bus/access_token.h). Throws std::runtime_error with one line. Call after parsing.
+void ApplyTokenFile(const std::string& token_file);
+// Sends the log to stderr, from the given level on; then the token file, as above. Call after parsing.
 void ApplyLogLevel(const ProcessOptions& options);
 
 // SIGINT and SIGTERM set a flag instead of killing the process; SIGPIPE is ignored. If the parent is mapmend's launcher

@@ -71,7 +71,7 @@ Backend::~Backend() = default;
 
 void Backend::StartHub(int port, const std::string& bind) {
   const auto arguments = [&](const std::string& number) {
-    return std::vector<std::string>{FindProgram("mapmend"), "hub", "--bind", bind, "--port", number};
+    return std::vector<std::string>{FindProgram("hub"), "--bind", bind, "--port", number};
   };
   supervisor_.Start({"hub", arguments(std::to_string(port)), OnExit::kRestart});
   const auto deadline = Clock::now() + milliseconds(options_.ready_timeout_ms);

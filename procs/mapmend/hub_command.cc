@@ -1,33 +1,31 @@
-#include <spdlog/spdlog.h>
+#include <unistd.h>
 
-#include <chrono>
-#include <iostream>
+#include <cerrno>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+#include <vector>
 
-#include "libs/bus/hub.h"
-#include "libs/bus/process.h"
 #include "procs/mapmend/commands.h"
+#include "procs/mapmend/paths.h"
 
 namespace mapmend {
 
+// The hub is a program of its own, without the libraries of this one; it keeps this one's name.
 void AddHubCommand(CLI::App* app) {
   CLI::App* command =
       app->add_subcommand("hub", "Exchange messages between processes over TCP (stands in for LCM's TCPService)");
-  const auto options = std::make_shared<HubOptions>();
-  command->add_option("--port", options->port, "TCP port; 0 picks a free one")->capture_default_str();
-  command->add_option("--bind", options->bind, "address to listen on; 0.0.0.0 admits other hosts")
-      ->capture_default_str();
-  command
-      ->add_option("--backpressure-timeout", options->backpressure_timeout_ms,
-                   "milliseconds that publishers wait for a subscriber that does not read")
-      ->capture_default_str();
-  command->callback([options] {
-    InstallSignalHandlers();
-    Hub hub(*options);
-    std::cout << "hub listening on tcpq://" << options->bind << ":" << hub.Port() << std::endl;
-    while (!StopRequested()) hub.Spin(200);
-    const Hub::Statistics statistics = hub.GetStatistics();
-    spdlog::info("hub: {} messages, {} best-effort dropped, {} dropped for stalled subscribers",
-                 statistics.num_messages, statistics.num_dropped, statistics.num_dropped_reliable);
+  command->set_help_flag();  // the program has its own
+  command->prefix_command();
+  command->callback([command] {
+    const std::string program = FindProgram("hub");
+    std::vector<std::string> words = {(ProgramFolder() / "mapmend").string(), "hub"};
+    for (const std::string& word : command->remaining()) words.push_back(word);
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    execv(program.c_str(), argv.data());
+    throw std::runtime_error("cannot start " + program + ": " + std::strerror(errno));
   });
 }
 

@@ -43,8 +43,8 @@ TEST(Recovery, KilledProcessesComeBackAndTheMapIsTheSame) {
 
   RunningCommand run(RunArguments(folder / "disturbed"), folder / "output");
   ASSERT_TRUE(WaitUntil([&] { return FindProcess(run, "frontend") > 0; }, 60)) << ReadText(folder / "output");
-  for (const std::string& program : {std::string("submap_store"), std::string("merger"), std::string("viewer_export"),
-                                     "mapmend" + std::string(1, '\0') + "hub"}) {
+  for (const std::string& program :
+       {std::string("submap_store"), std::string("merger"), std::string("viewer_export"), std::string("hub")}) {
     SleepSeconds(0.5);
     KillAndAwaitReturn(run, program);
   }
