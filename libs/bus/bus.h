@@ -7,33 +7,32 @@
 #include <string>
 #include <vector>
 
-namespace mapmend {
+#include "libs/bus/subscription.h"
 
-// Whether a subscription may lose messages: kKeepAll queues without limit (stream, acks, requests), kLatest keeps the
-// newest few (images, live poses).
-enum class Delivery { kKeepAll, kLatest };
+namespace mapmend {
 
 // The URL to use: the argument if not empty, else LCM_DEFAULT_URL, else tcpq://127.0.0.1:7700.
 std::string ResolveLcmUrl(const std::string& argument);
 
-// The one wrapper of LCM. One thread calls Handle; Publish may be called from any thread (tcpq is not thread-safe by
-// itself). Survives the hub's absence and restart: Handle reconnects. Untrusted input: a message whose lengths do not
+// The one way onto LCM's channels: tcpq by a link of our own, all else by liblcm. One thread calls Handle; Publish may
+// be called from any thread. Survives the hub's absence and restart. Untrusted input: a message whose lengths do not
 // fit its bytes is counted and dropped before it reaches a handler.
 class Bus {
  public:
-  // url as ResolveLcmUrl gives. Throws std::runtime_error with one line if the URL is malformed or udpm has no route.
+  // url as ResolveLcmUrl gives. The hub is told the token in the environment variable MAPMEND_TOKEN, if there is one.
+  // Throws std::runtime_error with one line if the URL is malformed or udpm has no route.
   Bus(const std::string& url, const std::string& channel_prefix);
   ~Bus();
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
 
-  // Handlers run inside Handle, on its thread. Exceptions that leave a handler are caught, counted and reported.
+  // Handlers run inside Handle, on its thread, as long as the result lives. Exceptions that leave a handler are caught,
+  // counted and reported.
   template <typename Message>
-  void Subscribe(const std::string& channel, Delivery delivery, std::function<void(const Message&)> handler);
-  using RawHandler = std::function<void(const uint8_t* data, int size)>;
-  void SubscribeRaw(const std::string& channel, Delivery delivery, RawHandler handler);
+  Subscription Subscribe(const std::string& channel, Delivery delivery, std::function<void(const Message&)> handler);
+  Subscription SubscribeRaw(const std::string& channel, Delivery delivery, RawHandler handler);
 
-  // False if nothing could be sent (no hub); never blocks for longer than the hub's back-pressure time-out.
+  // Never waits. True: on its way, as far as we know. False: no hub, or too much is on its way already.
   template <typename Message>
   bool Publish(const std::string& channel, const Message& message);
   bool PublishRaw(const std::string& channel, const uint8_t* data, int size);
@@ -42,7 +41,8 @@ class Bus {
   int Handle(int timeout_ms);
 
   bool IsConnected() const;
-  int64_t NumRefused() const;  // messages that did not decode or whose handler threw
+  int64_t ConnectionNumber() const;  // grows with each new connection: what was sent over an older one may be lost
+  int64_t NumRefused() const;        // messages that did not decode or whose handler threw
 
  private:
   void CountRefused(const std::string& channel, const std::string& what);

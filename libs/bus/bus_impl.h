@@ -29,8 +29,9 @@ bool DecodeMessage(const uint8_t* data, int size, Message* message) {
 }
 
 template <typename Message>
-void Bus::Subscribe(const std::string& channel, Delivery delivery, std::function<void(const Message&)> handler) {
-  SubscribeRaw(channel, delivery, [this, channel, handler = std::move(handler)](const uint8_t* data, int size) {
+Subscription Bus::Subscribe(const std::string& channel, Delivery delivery,
+                            std::function<void(const Message&)> handler) {
+  return SubscribeRaw(channel, delivery, [this, channel, handler = std::move(handler)](const uint8_t* data, int size) {
     Message message{};
     if (!DecodeMessage(data, size, &message)) {
       CountRefused(channel, std::string("not a ") + Message::getTypeName());

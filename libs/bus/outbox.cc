@@ -95,9 +95,19 @@ std::optional<EncodedRecord> ReadEntry(int fd, int64_t offset, int64_t* size, bo
   return ParseBody(body);
 }
 
+// So that a file that was just made is still there after a power cut.
+void SyncFolder(const std::string& path) {
+  const size_t slash = path.rfind('/');
+  const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
+  const int fd = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return;
+  fsync(fd);
+  close(fd);
+}
+
 }  // namespace
 
-Outbox::Outbox(const std::string& path) : path_(path) {
+Outbox::Outbox(const std::string& path, int64_t max_memory_bytes) : path_(path), max_memory_bytes_(max_memory_bytes) {
   if (path_.empty()) return;
   fd_ = open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
   if (fd_ < 0) throw std::runtime_error("outbox " + path_ + ": " + std::strerror(errno));
@@ -111,10 +121,27 @@ Outbox::Outbox(const std::string& path) : path_(path) {
     close(fd_);
     throw;
   }
+  SyncFolder(path_);
 }
 
 Outbox::~Outbox() {
   if (fd_ >= 0) close(fd_);
+}
+
+// The first whole entry at or after offset; -1: none.
+int64_t Outbox::FindEntry(int64_t offset, int64_t file_size) const {
+  constexpr int64_t kChunk = 1 << 20, kMagicBytes = sizeof(kMagic);
+  std::vector<uint8_t> bytes(static_cast<size_t>(kChunk));
+  for (; offset + kMagicBytes <= file_size; offset += kChunk - kMagicBytes + 1) {
+    const ssize_t n = pread(fd_, bytes.data(), bytes.size(), offset);
+    for (int64_t i = 0; i + kMagicBytes <= n; ++i) {
+      if (std::memcmp(bytes.data() + i, &kMagic, sizeof(kMagic)) != 0) continue;
+      int64_t size = 0;
+      bool magic_ok = false;
+      if (ReadEntry(fd_, offset + i, &size, &magic_ok)) return offset + i;
+    }
+  }
+  return -1;
 }
 
 void Outbox::Load() {
@@ -128,14 +155,21 @@ void Outbox::Load() {
       if (offset == 0 && !magic_ok && file_size >= static_cast<int64_t>(kHeader)) {
         throw std::runtime_error("outbox " + path_ + ": not an outbox file; name another one");
       }
-      spdlog::warn("outbox {}: {} bytes at the end are torn and cut off", path_, file_size - offset);
-      break;
+      const int64_t next = FindEntry(offset + 1, file_size);
+      if (next < 0) {
+        spdlog::warn("outbox {}: {} bytes at the end are torn and cut off", path_, file_size - offset);
+        break;
+      }
+      spdlog::warn("outbox {}: {} bytes after record {} are damaged and left out", path_, next - offset, last_seq_);
+      offset = next;
+      continue;
     }
     if (!session_.empty() && record->session != session_)
       throw std::runtime_error("outbox " + path_ + ": holds two sessions");
     session_ = record->session;
-    last_seq_ = record->seq;
     offset += size;
+    if (record->seq <= last_seq_) continue;  // it cannot be: the numbers grow
+    last_seq_ = record->seq;
     if (!record->channel.empty()) {
       entries_.push_back({record->seq, offset - size, size, std::nullopt});
     } else {
@@ -154,25 +188,57 @@ void Outbox::Append(EncodedRecord record) {
   last_seq_ = record.seq;
   Entry entry;
   entry.seq = record.seq;
-  if (fd_ >= 0) {
-    const std::vector<uint8_t> bytes = Serialize(record);
-    if (pwrite(fd_, bytes.data(), bytes.size(), end_) == static_cast<ssize_t>(bytes.size())) {
-      entry.offset = end_;
-      entry.size = static_cast<int64_t>(bytes.size());
-      end_ += entry.size;
-    } else {
-      // A part may have been written. What stays in memory is delivered all the same, unless we are killed first.
-      spdlog::error("outbox {}: {}; record {} is kept in memory only", path_, std::strerror(errno), record.seq);
-      if (ftruncate(fd_, end_) != 0) spdlog::error("outbox {}: {}", path_, std::strerror(errno));
-    }
-  }
-  if (entry.offset < 0) entry.in_memory = std::move(record);
+  if (fd_ < 0 || !WriteToFile(record, &entry)) KeepInMemory(std::move(record), &entry);
   entries_.push_back(std::move(entry));
+}
+
+bool Outbox::WriteToFile(const EncodedRecord& record, Entry* entry) {
+  const std::vector<uint8_t> bytes = Serialize(record);
+  const ssize_t n = pwrite(fd_, bytes.data(), bytes.size(), end_);
+  if (n == static_cast<ssize_t>(bytes.size())) {
+    if (disk_fails_) spdlog::info("outbox {}: writes to disk again", path_);
+    disk_fails_ = false;
+    entry->offset = end_;
+    entry->size = n;
+    end_ += n;
+    is_dirty_ = true;
+    return true;
+  }
+  // What stays in memory is delivered all the same, unless we are killed first. A part that was written goes away.
+  const char* why = n < 0 ? std::strerror(errno) : "no space left on the disk";
+  if (!disk_fails_) spdlog::error("outbox {}: {}; from record {} on it is kept in memory only", path_, why, record.seq);
+  disk_fails_ = true;
+  if (n > 0 && ftruncate(fd_, end_) != 0) spdlog::error("outbox {}: {}", path_, std::strerror(errno));
+  return false;
+}
+
+void Outbox::KeepInMemory(EncodedRecord record, Entry* entry) {
+  const auto size = static_cast<int64_t>(record.data.size());
+  int64_t first = -1, last = -1;
+  for (auto it = entries_.begin(); memory_bytes_ + size > max_memory_bytes_ && it != entries_.end();) {
+    if (!it->in_memory) {
+      ++it;
+      continue;
+    }
+    if (first < 0) first = it->seq;
+    last = it->seq;
+    memory_bytes_ -= static_cast<int64_t>(it->in_memory->data.size());
+    it = entries_.erase(it);
+  }
+  if (first >= 0 && !has_given_up_) {
+    spdlog::error("outbox {}: neither store nor disk takes anything, and memory is full: records {} to {} are given up",
+                  path_, first, last);
+  }
+  has_given_up_ = first >= 0;
+  memory_bytes_ += size;
+  entry->in_memory = std::move(record);
 }
 
 void Outbox::Acknowledge(int64_t seq) {
   while (!entries_.empty() && entries_.front().seq <= seq) {
-    if (entries_.front().offset >= 0) begin_ = entries_.front().offset + entries_.front().size;
+    const Entry& front = entries_.front();
+    if (front.offset >= 0) begin_ = front.offset + front.size;
+    if (front.in_memory) memory_bytes_ -= static_cast<int64_t>(front.in_memory->data.size());
     entries_.pop_front();
   }
   if (fd_ < 0) return;
@@ -183,6 +249,12 @@ void Outbox::Acknowledge(int64_t seq) {
   }
 }
 
+void Outbox::Sync() {
+  if (fd_ < 0 || !is_dirty_) return;
+  is_dirty_ = false;
+  if (fdatasync(fd_) != 0) spdlog::error("outbox {}: {}", path_, std::strerror(errno));
+}
+
 // An entry without channel and payload says that all up to its seq is acknowledged, so that a frontend that starts
 // again does not use the numbers twice. Written before the rest is cut off: killed in between, the rest is a torn end.
 void Outbox::LeaveOnlyTheNumber() {
@@ -190,6 +262,7 @@ void Outbox::LeaveOnlyTheNumber() {
   const auto size = static_cast<int64_t>(bytes.size());
   if (size > end_ || pwrite(fd_, bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size())) return;
   if (ftruncate(fd_, size) == 0) begin_ = end_ = size;
+  is_dirty_ = true;
 }
 
 // Moves what is held into a new file that then takes the name.
@@ -207,7 +280,7 @@ void Outbox::Compact() {
     from += n;
     to += n;
   }
-  if (!ok || rename(temporary.c_str(), path_.c_str()) != 0) {
+  if (!ok || fdatasync(fd) != 0 || rename(temporary.c_str(), path_.c_str()) != 0) {
     close(fd);
     unlink(temporary.c_str());
     return;
@@ -221,14 +294,32 @@ void Outbox::Compact() {
   begin_ = 0;
 }
 
+Outbox::Entries::const_iterator Outbox::At(int64_t seq) const {
+  const auto it = std::lower_bound(entries_.begin(), entries_.end(), seq,
+                                   [](const Entry& entry, int64_t wanted) { return entry.seq < wanted; });
+  return it != entries_.end() && it->seq == seq ? it : entries_.end();
+}
+
 std::optional<EncodedRecord> Outbox::Read(int64_t seq) const {
-  if (entries_.empty() || seq < FirstSeq() || seq > LastSeq()) return std::nullopt;
-  const Entry& entry = entries_[static_cast<size_t>(seq - FirstSeq())];
-  if (entry.seq != seq) return std::nullopt;
-  if (entry.in_memory) return entry.in_memory;
+  const auto entry = At(seq);
+  if (entry == entries_.end()) return std::nullopt;
+  if (entry->in_memory) return entry->in_memory;
   int64_t size = 0;
   bool magic_ok = false;
-  return ReadEntry(fd_, entry.offset, &size, &magic_ok);
+  return ReadEntry(fd_, entry->offset, &size, &magic_ok);
+}
+
+int64_t Outbox::NextSeq(int64_t seq) const {
+  const auto it = std::upper_bound(entries_.begin(), entries_.end(), seq,
+                                   [](int64_t wanted, const Entry& entry) { return wanted < entry.seq; });
+  return it == entries_.end() ? -1 : it->seq;
+}
+
+void Outbox::GiveUp(int64_t seq) {
+  const auto entry = At(seq);
+  if (entry == entries_.end()) return;
+  if (entry->in_memory) memory_bytes_ -= static_cast<int64_t>(entry->in_memory->data.size());
+  entries_.erase(entry);
 }
 
 }  // namespace mapmend

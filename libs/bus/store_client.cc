@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <map>
 #include <mapmend/bow_query_t.hpp>
 #include <mapmend/bow_result_t.hpp>
 #include <mapmend/close_session_t.hpp>
@@ -17,107 +16,87 @@
 #include <mapmend/revision_t.hpp>
 #include <mapmend/session_closed_t.hpp>
 #include <set>
+#include <utility>
 
+#include "libs/bus/backoff.h"
 #include "libs/bus/channels.h"
+#include "libs/bus/requests.h"
 
 namespace mapmend {
 namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr auto kRetry = std::chrono::milliseconds(500);       // without an answer
-constexpr auto kNotYetRetry = std::chrono::milliseconds(20);  // the store has not committed so far yet
 constexpr size_t kRevisionPartsInFlight = 8;
+// While the store says "not yet": it hears of new records all the time.
+constexpr auto kFirstNotYet = std::chrono::milliseconds(20), kMostNotYet = std::chrono::milliseconds(500);
+constexpr auto kFirstRetry = std::chrono::milliseconds(500), kMostRetry = std::chrono::milliseconds(8000);
+
+int RemainingMs(Clock::time_point deadline) {
+  const auto ms = std::chrono::ceil<std::chrono::milliseconds>(deadline - Clock::now()).count();
+  return static_cast<int>(std::max<int64_t>(ms, 0));
+}
 
 }  // namespace
 
 struct StoreClient::Impl {
   Bus* bus;
-  std::string requester;
-  int64_t last_id = 0;
-  std::optional<bow_result_t> bow_result;
-  std::optional<fetched_t> fetched;
-  std::optional<revision_fetched_t> revision_fetched;
-  std::optional<session_closed_t> session_closed;
-  std::optional<edge_decisions_t> edge_decisions;
+  Requests<bow_query_t, bow_result_t> queries;
+  Requests<fetch_t, fetched_t> fetches;
+  Requests<revision_fetch_t, revision_fetched_t> revision_fetches;
+  Requests<close_session_t, session_closed_t> closings;
+  Requests<edge_request_t, edge_decisions_t> edge_requests;
   std::set<int32_t> unacknowledged;  // parts of the revision that is being stored
   int64_t storing_revision = -1;
-  std::shared_ptr<char> alive = std::make_shared<char>();  // the bus may outlive us and still have our handlers
+  Subscription revision_acks;
 
-  template <typename Reply>
-  void Listen(const char* channel, std::optional<Reply> Impl::*slot) {
-    bus->Subscribe<Reply>(channel, Delivery::kKeepAll,
-                          [this, slot, weak = std::weak_ptr<char>(alive)](const Reply& reply) {
-                            if (weak.expired()) return;
-                            if (reply.requester == requester && reply.id == last_id) this->*slot = reply;
-                          });
+  Impl(Bus* b, const std::string& requester)
+      : bus(b),
+        queries(b, requester, channels::kBowQuery, channels::kBowResult),
+        fetches(b, requester, channels::kFetch, channels::kFetched),
+        revision_fetches(b, requester, channels::kRevisionFetch, channels::kRevisionFetched),
+        closings(b, requester, channels::kCloseSession, channels::kSessionClosed),
+        edge_requests(b, requester, channels::kEdgeRequest, channels::kEdgeDecisions) {
+    revision_acks =
+        bus->Subscribe<revision_ack_t>(channels::kRevisionAck, Delivery::kKeepAll, [this](const revision_ack_t& ack) {
+          if (ack.revision == storing_revision) unacknowledged.erase(ack.part);
+        });
   }
 
-  // Sends the request, again after kRetry, until is_final says that the reply will do. A reply that will not do is
-  // asked for again soon.
+  // Asks until is_final says that the answer will do, or the time is over: then the last answer, if there was one.
   template <typename Request, typename Reply, typename IsFinal>
-  std::optional<Reply> Ask(const char* channel, Request request, std::optional<Reply> Impl::*slot, int timeout_ms,
-                           IsFinal is_final) {
+  std::optional<Reply> AskUntil(Requests<Request, Reply>* requests, const Request& request, int timeout_ms,
+                                IsFinal is_final) {
     const auto deadline = Clock::now() + std::chrono::milliseconds(timeout_ms);
-    request.requester = requester;
-    std::optional<Reply> last;
-    do {
-      request.id = ++last_id;
-      (this->*slot).reset();
-      const bool sent = bus->Publish(channel, request);
-      const auto resend = std::min(deadline, Clock::now() + (sent ? kRetry : kNotYetRetry));
-      while (!(this->*slot) && Clock::now() < resend) bus->Handle(WaitMs(resend));
-      if (this->*slot) {
-        last = std::move(this->*slot);
-        if (is_final(*last)) return last;
-        const auto retry = std::min(deadline, Clock::now() + kNotYetRetry);
-        while (Clock::now() < retry) bus->Handle(WaitMs(retry));
-      }
-    } while (Clock::now() < deadline);
-    return last;
-  }
-
-  static int WaitMs(Clock::time_point until) {
-    const auto ms = std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now()).count();
-    return static_cast<int>(std::clamp<int64_t>(ms, 0, 100));
+    Backoff backoff(kFirstNotYet, kMostNotYet);
+    for (;;) {
+      std::optional<Reply> reply = requests->Ask(request, RemainingMs(deadline));
+      if (!reply || is_final(*reply)) return reply;
+      const auto retry = std::min(deadline, Clock::now() + backoff.Next());
+      while (Clock::now() < retry) bus->Handle(RemainingMs(retry));
+      if (Clock::now() >= deadline) return reply;
+    }
   }
 };
 
-StoreClient::StoreClient(Bus* bus, const std::string& requester) : impl_(std::make_unique<Impl>()) {
-  impl_->bus = bus;
-  impl_->requester = requester;
-  // Ids of an earlier process with the same name must not match ours.
-  impl_->last_id = std::chrono::system_clock::now().time_since_epoch().count();
-  impl_->Listen(channels::kBowResult, &Impl::bow_result);
-  impl_->Listen(channels::kFetched, &Impl::fetched);
-  impl_->Listen(channels::kRevisionFetched, &Impl::revision_fetched);
-  impl_->Listen(channels::kSessionClosed, &Impl::session_closed);
-  impl_->Listen(channels::kEdgeDecisions, &Impl::edge_decisions);
-  bus->Subscribe<revision_ack_t>(
-      channels::kRevisionAck, Delivery::kKeepAll,
-      [impl = impl_.get(), weak = std::weak_ptr<char>(impl_->alive)](const revision_ack_t& ack) {
-        if (weak.expired()) return;
-        if (ack.revision == impl->storing_revision) impl->unacknowledged.erase(ack.part);
-      });
-}
+StoreClient::StoreClient(Bus* bus, const std::string& requester) : impl_(std::make_unique<Impl>(bus, requester)) {}
 
 StoreClient::~StoreClient() = default;
 
 std::optional<bow_result_t> StoreClient::Query(bow_query_t query, int timeout_ms) {
-  return impl_->Ask(channels::kBowQuery, std::move(query), &Impl::bow_result, timeout_ms,
-                    [](const bow_result_t& result) { return result.status != bow_result_t::NOT_YET; });
+  return impl_->AskUntil(&impl_->queries, query, timeout_ms,
+                         [](const bow_result_t& result) { return result.status != bow_result_t::NOT_YET; });
 }
 
 std::optional<fetched_t> StoreClient::Fetch(fetch_t request, int timeout_ms) {
-  return impl_->Ask(channels::kFetch, std::move(request), &Impl::fetched, timeout_ms,
-                    [](const fetched_t&) { return true; });
+  return impl_->fetches.Ask(std::move(request), timeout_ms);
 }
 
 std::optional<session_closed_t> StoreClient::CloseSession(const std::string& session, int timeout_ms) {
   close_session_t request{};
   request.session = session;
-  return impl_->Ask(channels::kCloseSession, request, &Impl::session_closed, timeout_ms,
-                    [](const session_closed_t& reply) { return reply.status != session_closed_t::STILL_ALIVE; });
+  return impl_->AskUntil(&impl_->closings, request, timeout_ms,
+                         [](const session_closed_t& reply) { return reply.status != session_closed_t::STILL_ALIVE; });
 }
 
 std::optional<edge_decisions_t> StoreClient::DecideEdges(const std::vector<edge_decision_t>& decisions,
@@ -125,35 +104,45 @@ std::optional<edge_decisions_t> StoreClient::DecideEdges(const std::vector<edge_
   edge_request_t request{};
   request.decisions = decisions;
   request.num_decisions = static_cast<int32_t>(decisions.size());
-  return impl_->Ask(channels::kEdgeRequest, request, &Impl::edge_decisions, timeout_ms,
-                    [](const edge_decisions_t&) { return true; });
+  return impl_->edge_requests.Ask(std::move(request), timeout_ms);
 }
 
 bool StoreClient::StoreRevision(const revision_t& revision, const std::vector<revision_part_t>& parts, int timeout_ms) {
   auto deadline = Clock::now() + std::chrono::milliseconds(timeout_ms);
   impl_->storing_revision = revision.transforms.revision;
   // The message itself first and alone: it replaces what was stored under its number.
-  std::vector<int32_t> order = {-1};
-  for (const revision_part_t& part : parts) order.push_back(part.part);
-  std::map<int32_t, Clock::time_point> sent;
-  size_t begin = 0;  // all before it are acknowledged
-  impl_->unacknowledged = std::set<int32_t>(order.begin(), order.end());
+  struct Piece {
+    int32_t number;
+    Clock::time_point due;
+    Backoff backoff{kFirstRetry, kMostRetry};
+  };
+  std::vector<Piece> pieces = {{-1, {}}};
+  for (const revision_part_t& part : parts) pieces.push_back({part.part, {}});
+  impl_->unacknowledged.clear();
+  for (const Piece& piece : pieces) impl_->unacknowledged.insert(piece.number);
   const auto publish = [&](size_t i) {
     return i == 0 ? impl_->bus->Publish(channels::kRevision, revision)
                   : impl_->bus->Publish(channels::kRevisionPart, parts[i - 1]);
   };
+  size_t begin = 0;  // all before it are acknowledged
+  int64_t connection = impl_->bus->ConnectionNumber();
   while (true) {
     const size_t before = begin;
-    while (begin < order.size() && !impl_->unacknowledged.contains(order[begin])) ++begin;
-    if (begin == order.size()) return true;
+    while (begin < pieces.size() && !impl_->unacknowledged.contains(pieces[begin].number)) ++begin;
+    if (begin == pieces.size()) return true;
     if (begin > before) deadline = Clock::now() + std::chrono::milliseconds(timeout_ms);  // it makes progress
     if (Clock::now() >= deadline) return false;
-    const size_t end = begin == 0 ? 1 : std::min(order.size(), begin + kRevisionPartsInFlight);
+    const bool is_new_connection = std::exchange(connection, impl_->bus->ConnectionNumber()) != connection;
+    const size_t end = begin == 0 ? 1 : std::min(pieces.size(), begin + kRevisionPartsInFlight);
     for (size_t i = begin; i < end; ++i) {
-      if (!impl_->unacknowledged.contains(order[i])) continue;
-      const auto it = sent.find(order[i]);
-      if (it != sent.end() && Clock::now() - it->second < kRetry) continue;
-      if (publish(i)) sent[order[i]] = Clock::now();
+      Piece& piece = pieces[i];
+      if (!impl_->unacknowledged.contains(piece.number)) continue;
+      if (is_new_connection) {
+        piece.due = {};
+        piece.backoff.Reset();
+      }
+      if (Clock::now() < piece.due || !publish(i)) continue;
+      piece.due = Clock::now() + piece.backoff.Next();
     }
     impl_->bus->Handle(20);
   }
@@ -165,8 +154,7 @@ StoreClient::RevisionStatus StoreClient::FetchRevision(int64_t number, revision_
     revision_fetch_t request{};
     request.revision = wanted;
     request.part = part;
-    return impl_->Ask(channels::kRevisionFetch, request, &Impl::revision_fetched, timeout_ms,
-                      [](const revision_fetched_t&) { return true; });
+    return impl_->revision_fetches.Ask(std::move(request), timeout_ms);
   };
   auto reply = ask(number, -1);
   if (!reply) return RevisionStatus::kNoAnswer;

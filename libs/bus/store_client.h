@@ -18,8 +18,9 @@ class revision_t;
 class revision_part_t;
 class session_closed_t;
 
-// Requests to the store by id, with time-out and retry. Synchronous: each call runs the bus's Handle until the reply is
-// there (so other handlers of the bus run meanwhile and must not call back into the client).
+// Requests to the store by id, with time-out and retry (requests.h). Synchronous: each call runs the bus's Handle until
+// the reply is there (so other handlers of the bus run meanwhile and must not call back into the client). Whoever calls
+// again with the same arguments after a time-out goes on waiting for the same answer.
 class StoreClient {
  public:
   StoreClient(Bus* bus, const std::string& requester);  // requester: unique on the bus, e.g. "merger-<pid>"

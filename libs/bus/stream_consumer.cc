@@ -8,6 +8,9 @@
 #include <mapmend/ack_t.hpp>
 #include <mapmend/fetch_t.hpp>
 #include <mapmend/fetched_t.hpp>
+#include <optional>
+#include <stdexcept>
+#include <utility>
 
 #include "libs/bus/channels.h"
 #include "libs/bus/codec.h"
@@ -18,7 +21,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr int64_t kMaxLiveBytes = 64 << 20;  // per session; what does not fit is fetched later
-constexpr int32_t kFetchBytes = 4 << 20;     // of one reply
+constexpr int32_t kFetchBytes = 512 << 10;   // of one reply: small, so that others get theirs in between
 constexpr int kStoreTimeoutMs = 400;         // short, so that the caller's heartbeats go on without a store
 constexpr auto kListInterval = std::chrono::milliseconds(1000);
 
@@ -38,6 +41,7 @@ struct StreamConsumer::Impl {
     bool ended = false;
     std::map<int64_t, Waiting> live;  // heard on the bus, or fetched ahead
     int64_t live_bytes = 0;
+    std::optional<fetch_t> asked;  // without an answer yet; asked anew only as it was
   };
 
   Bus* bus;
@@ -47,7 +51,7 @@ struct StreamConsumer::Impl {
   bool listed_once = false;
   Clock::time_point last_list;
   int64_t num_refused = 0;
-  std::shared_ptr<char> alive = std::make_shared<char>();  // the bus may outlive us and still have our handlers
+  std::vector<Subscription> subscriptions;
 
   SessionState* Find(const std::string& id) {
     for (const auto& session : sessions) {
@@ -115,6 +119,11 @@ struct StreamConsumer::Impl {
       if (!IsSessionId(cursor.session)) continue;
       SessionState* session = FindOrAdd(cursor.session);
       session->committed = std::max(session->committed, cursor.seq);
+      if (cursor.seq < session->delivered) {
+        // It was closed in its frontend's absence, and then its frontend's own records came after all.
+        throw std::runtime_error("session " + cursor.session +
+                                 " has been taken up again by the store: what was known of it does not hold");
+      }
     }
     listed_once = true;  // until then no acks were heeded, so the order of sessions is the store's
   }
@@ -129,13 +138,18 @@ struct StreamConsumer::Impl {
 
   // Gets the record after `delivered`; false if it cannot be had now.
   bool Obtain(SessionState* session) {
-    fetch_t request{};
-    request.session = session->id;
-    request.first_seq = session->delivered + 1;
-    request.last_seq = session->committed;
-    request.max_bytes = kFetchBytes;
-    const auto reply = store->Fetch(request, kStoreTimeoutMs);
-    if (!reply || reply->status != fetched_t::OK || reply->session != session->id) return false;
+    if (!session->asked) {
+      fetch_t request{};
+      request.session = session->id;
+      request.first_seq = session->delivered + 1;
+      request.last_seq = session->committed;
+      request.max_bytes = kFetchBytes;
+      session->asked = request;
+    }
+    const auto reply = store->Fetch(*session->asked, kStoreTimeoutMs);
+    if (!reply) return false;
+    const int64_t asked_to = std::exchange(session->asked, std::nullopt)->last_seq;
+    if (reply->status != fetched_t::OK || reply->session != session->id) return false;
     int64_t offset = 0;
     for (int32_t i = 0; i < reply->num_records; ++i) {
       const int64_t size = reply->size[i];
@@ -150,8 +164,8 @@ struct StreamConsumer::Impl {
       }
       offset += size;
     }
-    if (reply->num_records == 0 && reply->cumulative >= session->committed) {
-      SkipTo(session, session->committed);  // a hole at the end
+    if (reply->num_records == 0 && reply->cumulative >= asked_to && asked_to > session->delivered) {
+      SkipTo(session, asked_to);  // a hole at the end
     }
     return reply->num_records > 0;
   }
@@ -191,15 +205,13 @@ StreamConsumer::StreamConsumer(Bus* bus, StoreClient* store, Handler handler) : 
   impl_->bus = bus;
   impl_->store = store;
   impl_->handler = std::move(handler);
-  const std::weak_ptr<char> weak = impl_->alive;
   for (const char* channel : kRecordChannels) {
-    bus->SubscribeRaw(channel, Delivery::kKeepAll, [impl = impl_.get(), weak, channel](const uint8_t* data, int size) {
-      if (!weak.expired()) impl->OnRecord(channel, data, size);
-    });
+    impl_->subscriptions.push_back(bus->SubscribeRaw(
+        channel, Delivery::kKeepAll,
+        [impl = impl_.get(), channel](const uint8_t* data, int size) { impl->OnRecord(channel, data, size); }));
   }
-  bus->Subscribe<ack_t>(channels::kAck, Delivery::kKeepAll, [impl = impl_.get(), weak](const ack_t& ack) {
-    if (!weak.expired()) impl->OnAck(ack);
-  });
+  impl_->subscriptions.push_back(bus->Subscribe<ack_t>(channels::kAck, Delivery::kKeepAll,
+                                                       [impl = impl_.get()](const ack_t& ack) { impl->OnAck(ack); }));
 }
 
 StreamConsumer::~StreamConsumer() = default;

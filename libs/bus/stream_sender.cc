@@ -6,24 +6,25 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
-#include <map>
+#include <deque>
 #include <mapmend/ack_t.hpp>
 #include <mapmend/stream_state_t.hpp>
 #include <mutex>
 #include <stdexcept>
 #include <thread>
+#include <utility>
 
 #include "libs/bus/channels.h"
 #include "libs/bus/codec.h"
 #include "libs/bus/outbox.h"
+#include "libs/bus/send_window.h"
 
 namespace mapmend {
 namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int kMaxResendMs = 2000;
-
+// Written down by whoever records the stream; no decision depends on it.
 int64_t WallUs() {
   return std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch())
       .count();
@@ -32,33 +33,31 @@ int64_t WallUs() {
 }  // namespace
 
 struct StreamSender::Impl {
-  // A record of the window: sent, not yet acknowledged.
-  struct InFlight {
-    EncodedRecord record;
-    Clock::time_point last_sent;
-    int attempts = 0;
-    bool asked = false;  // the store said that it is missing
-  };
-
   Bus* bus;
   const std::string session;
   const StreamSenderOptions options;
 
-  mutable std::mutex mutex;  // guards all below
+  mutable std::mutex mutex;  // guards all up to the empty line; never held while anything waits
   std::condition_variable progress;
-  Outbox outbox;
+  std::deque<EncodedRecord> queue;  // appended, not yet in the outbox
+  int64_t queue_bytes = 0;
   int64_t last_seq = -1, acknowledged = -1;
-  bool ended = false;
   std::string store_error;
+  bool was_acknowledged = false;  // an ack has come over this connection
 
-  std::map<int64_t, InFlight> window;  // network thread only
-  Clock::time_point last_heartbeat;
+  // Of the sender's thread.
+  Outbox outbox;
+  int64_t last_kept = -1;  // in the outbox, or was
+  bool ended = false;      // that one is SESSION ENDED
+  SendWindow window;
+  int64_t connection = -1;
+  Clock::time_point last_heartbeat, last_sync;
   std::atomic<bool> stop{false};
   std::thread thread;
-  std::shared_ptr<char> alive = std::make_shared<char>();  // the bus may outlive us and still have our handler
+  Subscription acks;
 
   Impl(Bus* b, const std::string& s, const StreamSenderOptions& o)
-      : bus(b), session(s), options(o), outbox(o.outbox_path) {
+      : bus(b), session(s), options(o), outbox(o.outbox_path, o.max_memory_bytes), window(o.resend_unasked_ms) {
     if (!IsSessionId(session))
       throw std::invalid_argument("session '" + session + "': 1 to 64 letters, digits, - or _");
     if (outbox.Session() != session && outbox.Empty()) return;
@@ -67,27 +66,30 @@ struct StreamSender::Impl {
                                outbox.Session() + "; deliver them first");
     }
     // A frontend that was killed goes on where its outbox ends.
-    last_seq = outbox.LastSeq();
+    last_seq = last_kept = outbox.LastSeq();
     acknowledged = outbox.Empty() ? last_seq : outbox.FirstSeq() - 1;
-    if (const auto last = outbox.Read(last_seq)) {
-      const DecodedRecord decoded = DecodeRecord(last->channel, last->data.data(), static_cast<int>(last->data.size()));
-      ended = decoded.record && std::holds_alternative<SessionEnded>(decoded.record->body);
-    }
+    if (const auto last = outbox.Read(last_seq)) ended = IsEnd(*last);
   }
 
+  static bool IsEnd(const EncodedRecord& record) {
+    if (record.channel != channels::kSession) return false;
+    const DecodedRecord decoded =
+        DecodeRecord(record.channel, record.data.data(), static_cast<int>(record.data.size()));
+    return decoded.record && std::holds_alternative<SessionEnded>(decoded.record->body);
+  }
+
+  // Inside Handle, on the sender's thread.
   void OnAck(const ack_t& ack) {
     if (ack.session != session) return;
+    const bool is_ours = ack.cumulative <= last_kept;  // else it is not about what we sent
+    if (is_ours) {
+      outbox.Acknowledge(ack.cumulative);
+      window.Acknowledge(ack.cumulative, Clock::now());
+      window.OnMissing(ack.missing);
+    }
     const std::lock_guard<std::mutex> lock(mutex);
-    if (ack.cumulative > last_seq) return;  // not about what we sent
-    if (ack.cumulative > acknowledged) {
-      acknowledged = ack.cumulative;
-      outbox.Acknowledge(acknowledged);
-      window.erase(window.begin(), window.upper_bound(acknowledged));
-    }
-    for (const int64_t seq : ack.missing) {
-      const auto it = window.find(seq);
-      if (it != window.end()) it->second.asked = true;
-    }
+    was_acknowledged = true;
+    if (is_ours) acknowledged = std::max(acknowledged, ack.cumulative);
     if (ack.error != store_error) {
       store_error = ack.error;
       if (!store_error.empty()) spdlog::error("submap_store: {}", store_error);
@@ -95,48 +97,63 @@ struct StreamSender::Impl {
     progress.notify_all();
   }
 
-  // Moves records from the outbox into the window.
+  // From the queue to the outbox; may wait for the disk.
+  void KeepAppended() {
+    for (;;) {
+      EncodedRecord record;
+      {
+        const std::lock_guard<std::mutex> lock(mutex);
+        if (queue.empty()) break;
+        record = std::move(queue.front());
+        queue.pop_front();
+        queue_bytes -= static_cast<int64_t>(record.data.size());
+      }
+      ended = IsEnd(record);
+      last_kept = record.seq;
+      outbox.Append(std::move(record));
+    }
+    const auto now = Clock::now();
+    if (now - last_sync < std::chrono::milliseconds(options.sync_ms)) return;
+    last_sync = now;
+    outbox.Sync();
+  }
+
   void FillWindow() {
-    const std::lock_guard<std::mutex> lock(mutex);
-    int64_t next = window.empty() ? acknowledged + 1 : window.rbegin()->first + 1;
-    while (next <= last_seq && static_cast<int>(window.size()) < options.window) {
+    while (window.Size() < options.window && window.Bytes() < options.window_bytes) {
+      const int64_t next = outbox.NextSeq(window.Empty() ? -1 : window.LastSeq());
+      if (next < 0) return;
       std::optional<EncodedRecord> record = outbox.Read(next);
-      if (!record)
-        throw std::runtime_error("outbox " + options.outbox_path + ": record " + std::to_string(next) +
-                                 " cannot be read");
-      window[next].record = std::move(*record);
-      ++next;
+      if (!record) {
+        spdlog::error("outbox {}: record {} cannot be read and is given up", options.outbox_path, next);
+        outbox.GiveUp(next);
+        continue;
+      }
+      window.Add(std::move(*record));
     }
   }
 
   void SendDue() {
-    const auto now = Clock::now();
-    for (auto& [seq, entry] : window) {
-      if (entry.attempts > 0) {
-        const auto wait = std::chrono::milliseconds(
-            entry.asked ? options.resend_after_ms : std::min(kMaxResendMs, options.resend_unasked_ms * entry.attempts));
-        if (now - entry.last_sent < wait) continue;
-      }
-      const EncodedRecord& record = entry.record;
-      if (!bus->PublishRaw(record.channel, record.data.data(), static_cast<int>(record.data.size()))) return;
-      entry.last_sent = Clock::now();
-      entry.asked = false;
-      ++entry.attempts;
+    if (const int64_t number = bus->ConnectionNumber(); number != connection) {
+      connection = number;
+      window.OnNewConnection();
+      const std::lock_guard<std::mutex> lock(mutex);
+      was_acknowledged = false;
     }
+    window.SendDue(Clock::now(), [this](const EncodedRecord& record) {
+      return bus->PublishRaw(record.channel, record.data.data(), static_cast<int>(record.data.size()));
+    });
   }
 
+  // `first` is what we still have: below it, whatever the store lacks is lost.
   void SendHeartbeat() {
     const auto now = Clock::now();
     if (now - last_heartbeat < std::chrono::milliseconds(options.heartbeat_ms)) return;
     last_heartbeat = now;
     stream_state_t state{};
-    {
-      const std::lock_guard<std::mutex> lock(mutex);
-      state.session = session;
-      state.first = acknowledged + 1;
-      state.last = last_seq;
-      state.ended = ended;
-    }
+    state.session = session;
+    state.first = outbox.Empty() ? last_kept + 1 : outbox.FirstSeq();
+    state.last = last_kept;
+    state.ended = ended;
     state.utime = WallUs();
     bus->Publish(channels::kStreamState, state);
   }
@@ -144,24 +161,25 @@ struct StreamSender::Impl {
   void Run() {
     while (!stop) {
       try {
+        KeepAppended();
+        SendHeartbeat();
         FillWindow();
         SendDue();
-        SendHeartbeat();
-        bus->Handle(window.empty() ? 5 : 2);
+        bus->Handle(window.Empty() ? 5 : 2);
       } catch (const std::exception& e) {
         spdlog::error("stream sender: {}", e.what());
         std::this_thread::sleep_for(std::chrono::milliseconds(100));
       }
     }
+    KeepAppended();
+    outbox.Sync();
   }
 };
 
 StreamSender::StreamSender(Bus* bus, const std::string& session, const StreamSenderOptions& options)
     : impl_(std::make_unique<Impl>(bus, session, options)) {
-  bus->Subscribe<ack_t>(channels::kAck, Delivery::kKeepAll,
-                        [impl = impl_.get(), alive = std::weak_ptr<char>(impl_->alive)](const ack_t& ack) {
-                          if (!alive.expired()) impl->OnAck(ack);
-                        });
+  impl_->acks = bus->Subscribe<ack_t>(channels::kAck, Delivery::kKeepAll,
+                                      [impl = impl_.get()](const ack_t& ack) { impl->OnAck(ack); });
   impl_->thread = std::thread([impl = impl_.get()] { impl->Run(); });
 }
 
@@ -171,13 +189,20 @@ StreamSender::~StreamSender() {
 }
 
 int64_t StreamSender::Append(int64_t utime, RecordBody body) {
-  const bool is_end = std::holds_alternative<SessionEnded>(body);
   Record record{{impl_->session, -1, utime}, std::move(body)};
   const std::lock_guard<std::mutex> lock(impl_->mutex);
-  record.header.seq = impl_->last_seq + 1;
-  impl_->outbox.Append(EncodeRecord(record));
-  impl_->ended = impl_->ended || is_end;
-  return ++impl_->last_seq;
+  record.header.seq = ++impl_->last_seq;
+  EncodedRecord encoded = EncodeRecord(record);
+  impl_->queue_bytes += static_cast<int64_t>(encoded.data.size());
+  impl_->queue.push_back(std::move(encoded));
+  while (impl_->queue_bytes > impl_->options.max_queue_bytes && impl_->queue.size() > 1) {
+    const EncodedRecord& oldest = impl_->queue.front();
+    spdlog::error("outbox {}: the disk does not take anything, and memory is full: record {} is given up",
+                  impl_->options.outbox_path, oldest.seq);
+    impl_->queue_bytes -= static_cast<int64_t>(oldest.data.size());
+    impl_->queue.pop_front();
+  }
+  return record.header.seq;
 }
 
 bool StreamSender::Flush(int timeout_ms) {
@@ -208,6 +233,14 @@ int64_t StreamSender::AcknowledgedSeq() const {
 std::string StreamSender::StoreError() const {
   const std::lock_guard<std::mutex> lock(impl_->mutex);
   return impl_->store_error;
+}
+
+std::string StreamSender::Obstacle() const {
+  const std::lock_guard<std::mutex> lock(impl_->mutex);
+  if (!impl_->bus->IsConnected()) return "no connection to the hub";
+  if (!impl_->was_acknowledged) return "the submap store does not answer";
+  if (!impl_->store_error.empty()) return "the submap store says: " + impl_->store_error;
+  return "the submap store is slow";
 }
 
 bool DeliverOutbox(Bus* bus, const std::string& path, int timeout_ms) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 
@@ -9,24 +10,28 @@
 namespace mapmend {
 
 struct StreamSenderOptions {
-  int window = 64;              // records sent and not yet acknowledged
-  int resend_after_ms = 20;     // what the store says is missing, not sooner
-  int resend_unasked_ms = 500;  // what it says nothing about; grows with repeated attempts
-  int heartbeat_ms = 50;
-  std::string outbox_path;  // file that holds what is not acknowledged; empty: memory only
+  int window = 64;                       // records sent and not yet acknowledged, at most
+  int64_t window_bytes = 2 << 20;        // of them, but one may be larger
+  int resend_unasked_ms = 2000;          // the oldest of them, while the store says nothing
+  int heartbeat_ms = 50;                 //
+  int sync_ms = 500;                     // the disk is told to keep what was appended; a power cut takes no more
+  int64_t max_queue_bytes = 256 << 20;   // waiting for a slow disk; beyond it the oldest are given up
+  int64_t max_memory_bytes = 512 << 20;  // of the outbox while the disk is full
+  std::string outbox_path;               // file that holds what is not acknowledged; empty: memory only
 };
 
 // The frontend's end of the reliable stream: numbers records, keeps them until the store has committed them, sends
-// again. Owns a thread that calls the bus's Handle, so it makes progress while the caller computes. Thread-safe.
+// again. A thread of its own does all that may wait, for the disk or for the bus (whose Handle it calls), so the caller
+// never does. Thread-safe.
 class StreamSender {
  public:
   // If the outbox holds records of this session (its frontend was killed), numbering goes on after them and they are
   // sent. Throws std::runtime_error with one line if it holds another session's, or cannot be written.
   StreamSender(Bus* bus, const std::string& session, const StreamSenderOptions& options);
+  // What was appended is in the outbox afterwards.
   ~StreamSender();
 
-  // Assigns the next seq, writes the record to the outbox and queues it. Returns the seq. Does not wait for the store:
-  // without a store or link it goes on buffering (to disk).
+  // Assigns the next seq and queues the record. Returns the seq. Never waits.
   int64_t Append(int64_t utime, RecordBody body);
   // Waits until all is acknowledged, or timeout_ms have passed without any progress. True if all is acknowledged.
   bool Flush(int timeout_ms);
@@ -34,6 +39,8 @@ class StreamSender {
   int64_t LastSeq() const;
   int64_t AcknowledgedSeq() const;  // cumulative, -1: none
   std::string StoreError() const;   // last error the store reported in its acks, e.g. "disk full"
+  // What stands between us and an acknowledgement, for a person: the store's refusal, no link, a silent store.
+  std::string Obstacle() const;
 
  private:
   struct Impl;

@@ -19,7 +19,8 @@ constexpr int kMaxIndex = 1 << 30;  // of the protocol
 LiveImages::LiveImages(const std::string& url, const std::string& channel_prefix, int width, int height,
                        int max_waiting)
     : width_(width), height_(height), bus_(url, channel_prefix), queue_(static_cast<size_t>(max_waiting)) {
-  bus_.Subscribe<image_t>(channels::kImage, Delivery::kLatest, [this](const image_t& message) { Receive(message); });
+  subscription_ = bus_.Subscribe<image_t>(channels::kImage, Delivery::kLatest,
+                                          [this](const image_t& message) { Receive(message); });
   thread_ = std::thread([this] {
     while (!stop_) bus_.Handle(50);
   });

@@ -49,6 +49,7 @@ class LiveImages : public ImageStream {
   std::atomic<bool> stop_{false};
   mutable std::mutex mutex_;
   std::string last_problem_;
+  Subscription subscription_;
   std::thread thread_;
 };
 

@@ -82,9 +82,10 @@ graph_t AskMerger(Bus* bus, int timeout_ms, const std::function<bool(const graph
   graph_request_t request{};
   request.requester = "edges-" + std::to_string(getpid());
   std::optional<graph_t> graph;
-  bus->Subscribe<graph_t>(channels::kGraph, Delivery::kKeepAll, [&](const graph_t& reply) {
-    if (reply.requester == request.requester) graph = reply;
-  });
+  const Subscription subscription =
+      bus->Subscribe<graph_t>(channels::kGraph, Delivery::kKeepAll, [&](const graph_t& reply) {
+        if (reply.requester == request.requester) graph = reply;
+      });
   const auto deadline = Clock::now() + std::chrono::milliseconds(timeout_ms);
   while (Clock::now() < deadline && !StopRequested()) {
     ++request.id;

@@ -6,7 +6,7 @@
 namespace mapmend {
 
 HealthMonitor::HealthMonitor(Bus* bus) {
-  bus->Subscribe<health_t>(channels::kHealth, Delivery::kKeepAll, [this](const health_t& health) {
+  subscription_ = bus->Subscribe<health_t>(channels::kHealth, Delivery::kKeepAll, [this](const health_t& health) {
     Entry& entry = entries_[{health.process, health.pid}];
     entry.process = health.process;
     entry.pid = health.pid;

@@ -35,6 +35,7 @@ class HealthMonitor {
 
  private:
   std::map<std::pair<std::string, int>, Entry> entries_;
+  Subscription subscription_;
 };
 
 // A counter's value; nothing if the entry is null or does not have it.

@@ -16,7 +16,7 @@ constexpr milliseconds kHeartbeat(50), kResendAfter(100);
 }  // namespace
 
 RecordSender::RecordSender(Bus* bus) : bus_(bus) {
-  bus_->Subscribe<ack_t>(channels::kAck, Delivery::kKeepAll, [this](const ack_t& ack) {
+  acks_ = bus_->Subscribe<ack_t>(channels::kAck, Delivery::kKeepAll, [this](const ack_t& ack) {
     const auto session = sessions_.find(ack.session);
     if (session == sessions_.end()) return;
     store_error_ = ack.error;

@@ -47,6 +47,7 @@ class RecordSender {
   int num_pending_ = 0;
   Clock::time_point last_heartbeat_;
   std::string store_error_;
+  Subscription acks_;
 };
 
 }  // namespace mapmend

@@ -189,13 +189,16 @@ class MergerLoop {
         output_(bus, &client_, &health_, &latency_),
         merger_(merger_options, &bow_, &output_, &keyframes_),
         consumer_(bus, &client_, [this](const Record& record) { OnRecord(record); }) {
-    bus->Subscribe<edge_decisions_t>(channels::kEdgeDecisions, Delivery::kKeepAll,
-                                     [this](const edge_decisions_t& decisions) { OnDecisions(decisions); });
-    bus->SubscribeRaw(channels::kKeyframe, Delivery::kKeepAll, [this](const uint8_t* data, int size) {
-      if (const auto header = PeekHeader(data, size)) latency_.OnHeard(header->session, header->seq);
-    });
-    bus->Subscribe<graph_request_t>(channels::kGraphRequest, Delivery::kKeepAll,
-                                    [this](const graph_request_t& request) { requests_.push_back(request); });
+    subscriptions_.push_back(
+        bus->Subscribe<edge_decisions_t>(channels::kEdgeDecisions, Delivery::kKeepAll,
+                                         [this](const edge_decisions_t& decisions) { OnDecisions(decisions); }));
+    subscriptions_.push_back(
+        bus->SubscribeRaw(channels::kKeyframe, Delivery::kKeepAll, [this](const uint8_t* data, int size) {
+          if (const auto header = PeekHeader(data, size)) latency_.OnHeard(header->session, header->seq);
+        }));
+    subscriptions_.push_back(
+        bus->Subscribe<graph_request_t>(channels::kGraphRequest, Delivery::kKeepAll,
+                                        [this](const graph_request_t& request) { requests_.push_back(request); }));
   }
 
   void Run() {
@@ -371,6 +374,7 @@ class MergerLoop {
   bool knows_decisions_ = false;
   int64_t num_consumed_ = 0, num_refused_ = 0;
   int64_t completed_at_ = 0;  // number of records at the last second pass
+  std::vector<Subscription> subscriptions_;
 };
 
 }  // namespace

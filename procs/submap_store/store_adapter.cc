@@ -26,43 +26,47 @@ int64_t WallUs() {
 
 StoreAdapter::StoreAdapter(Bus* bus, SubmapStore* store) : bus_(bus), store_(store), health_(bus, "submap_store") {
   for (const char* channel : kRecordChannels) {
-    bus->SubscribeRaw(channel, Delivery::kKeepAll, [this, channel](const uint8_t* data, int size) {
-      store_->OnRecord(channel, data, size, SteadyMs());
-    });
+    subscriptions_.push_back(bus->SubscribeRaw(
+        channel, Delivery::kKeepAll,
+        [this, channel](const uint8_t* data, int size) { store_->OnRecord(channel, data, size, SteadyMs()); }));
   }
-  bus->Subscribe<stream_state_t>(channels::kStreamState, Delivery::kKeepAll, [this](const stream_state_t& state) {
-    store_->OnHeartbeat(state, SteadyMs(), WallUs());
-  });
-  bus->Subscribe<bow_query_t>(channels::kBowQuery, Delivery::kKeepAll, [this](const bow_query_t& query) {
-    bus_->Publish(channels::kBowResult, store_->Query(query));
-  });
-  bus->Subscribe<fetch_t>(channels::kFetch, Delivery::kKeepAll, [this](const fetch_t& request) {
-    bus_->Publish(channels::kFetched, store_->Fetch(request));
-  });
-  bus->Subscribe<edge_request_t>(channels::kEdgeRequest, Delivery::kKeepAll, [this](const edge_request_t& request) {
-    bus_->Publish(channels::kEdgeDecisions, store_->edge_decisions()->Decide(request));
-  });
-  bus->Subscribe<close_session_t>(channels::kCloseSession, Delivery::kKeepAll, [this](const close_session_t& request) {
-    bus_->Publish(channels::kSessionClosed, store_->Close(request, SteadyMs()));
-  });
-  bus->SubscribeRaw(channels::kRevision, Delivery::kKeepAll, [this](const uint8_t* data, int size) {
-    if (const auto ack = store_->revisions()->Store(data, size)) {
-      bus_->Publish(channels::kRevisionAck, *ack);
-    } else {
-      throw std::runtime_error("not a valid revision_t");
-    }
-  });
-  bus->SubscribeRaw(channels::kRevisionPart, Delivery::kKeepAll, [this](const uint8_t* data, int size) {
-    if (const auto ack = store_->revisions()->StorePart(data, size)) {
-      bus_->Publish(channels::kRevisionAck, *ack);
-    } else {
-      throw std::runtime_error("not a valid revision_part_t");
-    }
-  });
-  bus->Subscribe<revision_fetch_t>(channels::kRevisionFetch, Delivery::kKeepAll,
-                                   [this](const revision_fetch_t& request) {
-                                     bus_->Publish(channels::kRevisionFetched, store_->revisions()->Fetch(request));
-                                   });
+  subscriptions_.push_back(bus->Subscribe<stream_state_t>(
+      channels::kStreamState, Delivery::kKeepAll,
+      [this](const stream_state_t& state) { store_->OnHeartbeat(state, SteadyMs(), WallUs()); }));
+  subscriptions_.push_back(bus->Subscribe<bow_query_t>(
+      channels::kBowQuery, Delivery::kKeepAll,
+      [this](const bow_query_t& query) { bus_->Publish(channels::kBowResult, store_->Query(query)); }));
+  subscriptions_.push_back(bus->Subscribe<fetch_t>(
+      channels::kFetch, Delivery::kKeepAll,
+      [this](const fetch_t& request) { bus_->Publish(channels::kFetched, store_->Fetch(request)); }));
+  subscriptions_.push_back(
+      bus->Subscribe<edge_request_t>(channels::kEdgeRequest, Delivery::kKeepAll, [this](const edge_request_t& request) {
+        bus_->Publish(channels::kEdgeDecisions, store_->edge_decisions()->Decide(request));
+      }));
+  subscriptions_.push_back(bus->Subscribe<close_session_t>(
+      channels::kCloseSession, Delivery::kKeepAll, [this](const close_session_t& request) {
+        bus_->Publish(channels::kSessionClosed, store_->Close(request, SteadyMs()));
+      }));
+  subscriptions_.push_back(
+      bus->SubscribeRaw(channels::kRevision, Delivery::kKeepAll, [this](const uint8_t* data, int size) {
+        if (const auto ack = store_->revisions()->Store(data, size)) {
+          bus_->Publish(channels::kRevisionAck, *ack);
+        } else {
+          throw std::runtime_error("not a valid revision_t");
+        }
+      }));
+  subscriptions_.push_back(
+      bus->SubscribeRaw(channels::kRevisionPart, Delivery::kKeepAll, [this](const uint8_t* data, int size) {
+        if (const auto ack = store_->revisions()->StorePart(data, size)) {
+          bus_->Publish(channels::kRevisionAck, *ack);
+        } else {
+          throw std::runtime_error("not a valid revision_part_t");
+        }
+      }));
+  subscriptions_.push_back(bus->Subscribe<revision_fetch_t>(
+      channels::kRevisionFetch, Delivery::kKeepAll, [this](const revision_fetch_t& request) {
+        bus_->Publish(channels::kRevisionFetched, store_->revisions()->Fetch(request));
+      }));
 }
 
 void StoreAdapter::Spin(int timeout_ms) {

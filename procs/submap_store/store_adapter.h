@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include "libs/bus/bus.h"
 #include "libs/bus/health.h"
 #include "procs/submap_store/submap_store.h"
@@ -23,6 +25,7 @@ class StoreAdapter {
   HealthReporter health_;
   int64_t last_ack_ms_ = 0, last_health_ms_ = 0, last_records_ = 0;
   bool has_background_work_ = true;
+  std::vector<Subscription> subscriptions_;
 };
 
 }  // namespace mapmend

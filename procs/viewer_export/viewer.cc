@@ -71,21 +71,23 @@ struct Viewer::Impl {
   int64_t fetched = -1;           // newest revision read from the store
   int64_t exported_version = -1;  // of the model, when it was last exported
   Clock::time_point next_ask, next_live;
+  std::vector<Subscription> subscriptions;
 };
 
 void Viewer::Impl::Subscribe() {
-  bus->Subscribe<merged_transforms_t>(channels::kMergedTransforms, Delivery::kKeepAll,
-                                      [this](const merged_transforms_t& message) {
-                                        model.SetTransforms(DecodeTransforms(message));
-                                        announced = std::max(announced, message.revision);
-                                      });
-  bus->Subscribe<connection_t>(channels::kConnection, Delivery::kKeepAll,
-                               [this](const connection_t& message) { model.SetConnection(DecodeConnection(message)); });
+  subscriptions.push_back(bus->Subscribe<merged_transforms_t>(channels::kMergedTransforms, Delivery::kKeepAll,
+                                                              [this](const merged_transforms_t& message) {
+                                                                model.SetTransforms(DecodeTransforms(message));
+                                                                announced = std::max(announced, message.revision);
+                                                              }));
+  subscriptions.push_back(bus->Subscribe<connection_t>(
+      channels::kConnection, Delivery::kKeepAll,
+      [this](const connection_t& message) { model.SetConnection(DecodeConnection(message)); }));
   if (server == nullptr) return;
-  bus->Subscribe<frame_pose_t>(channels::kFramePose, Delivery::kLatest,
-                               [this](const frame_pose_t& message) { live.OnFramePose(message); });
-  bus->Subscribe<health_t>(channels::kHealth, Delivery::kKeepAll,
-                           [this](const health_t& message) { live.OnHealth(message); });
+  subscriptions.push_back(bus->Subscribe<frame_pose_t>(
+      channels::kFramePose, Delivery::kLatest, [this](const frame_pose_t& message) { live.OnFramePose(message); }));
+  subscriptions.push_back(bus->Subscribe<health_t>(channels::kHealth, Delivery::kKeepAll,
+                                                   [this](const health_t& message) { live.OnHealth(message); }));
 }
 
 void Viewer::Impl::OnRecord(const Record& record) {

@@ -46,7 +46,7 @@ std::vector<std::string> LiveArguments(const std::string& out, const std::string
 class FrontendHealth {
  public:
   explicit FrontendHealth(const std::string& url) : bus_(url, "") {
-    bus_.Subscribe<health_t>(channels::kHealth, Delivery::kKeepAll, [this](const health_t& health) {
+    subscription_ = bus_.Subscribe<health_t>(channels::kHealth, Delivery::kKeepAll, [this](const health_t& health) {
       if (health.process != "frontend") return;
       state_ = health.state;
       message_ = health.message;
@@ -69,6 +69,7 @@ class FrontendHealth {
 
  private:
   Bus bus_;
+  Subscription subscription_;
   std::string state_, message_;
   std::map<std::string, double> counters_;
 };

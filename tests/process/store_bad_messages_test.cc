@@ -79,9 +79,10 @@ TEST(StoreBadMessages, AreCountedReportedAndHarmless) {
   TestProcess store = StartStore(db, port, log);
   Bus bus(HubUrl(port), "");
   health_t health{};
-  bus.Subscribe<health_t>(channels::kHealth, Delivery::kKeepAll, [&](const health_t& message) {
-    if (message.process == "submap_store") health = message;
-  });
+  const Subscription subscription =
+      bus.Subscribe<health_t>(channels::kHealth, Delivery::kKeepAll, [&](const health_t& message) {
+        if (message.process == "submap_store") health = message;
+      });
   const auto hear = [&](const std::function<bool()>& done) {
     return PollUntil([&] { return bus.Handle(5), done(); }, 30000);
   };

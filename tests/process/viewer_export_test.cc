@@ -158,9 +158,10 @@ class ViewerExportTest : public ::testing::Test {
 TEST_F(ViewerExportTest, WritesTheExportsOfTheFinalRevisionWheneverItIsStarted) {
   Process store(Command("submap_store", {"--db", (dir_ / "map.db").string()}));
   Bus bus(url_, "");
-  bus.Subscribe<health_t>(channels::kHealth, Delivery::kKeepAll, [&](const health_t& health) {
-    if (health.process == "viewer_export") viewer_state_ = health.state;
-  });
+  const Subscription subscription =
+      bus.Subscribe<health_t>(channels::kHealth, Delivery::kKeepAll, [&](const health_t& health) {
+        if (health.process == "viewer_export") viewer_state_ = health.state;
+      });
   const auto check = [&](const std::string& out) {
     std::ifstream file(dir_ / out / "summary.json");
     const nlohmann::json summary = nlohmann::json::parse(file, nullptr, false);

@@ -67,8 +67,10 @@ TEST(Bus, PrefixSeparatesRunsOnOneHub) {
   RunningHub hub;
   Bus a(hub.Url(), "A_"), b(hub.Url(), "B_");
   int64_t heard_a = -1, heard_b = -1;
-  a.Subscribe<ack_t>("X", Delivery::kKeepAll, [&](const ack_t& ack) { heard_a = ack.cumulative; });
-  b.Subscribe<ack_t>("X", Delivery::kKeepAll, [&](const ack_t& ack) { heard_b = ack.cumulative; });
+  const Subscription of_a =
+      a.Subscribe<ack_t>("X", Delivery::kKeepAll, [&](const ack_t& ack) { heard_a = ack.cumulative; });
+  const Subscription of_b =
+      b.Subscribe<ack_t>("X", Delivery::kKeepAll, [&](const ack_t& ack) { heard_b = ack.cumulative; });
   EXPECT_TRUE(HandleUntil(&a, [&] { return a.Publish("X", MakeAck(7)) && heard_a == 7; }));
   b.Handle(50);
   EXPECT_EQ(heard_b, -1);
@@ -79,12 +81,13 @@ TEST(Bus, ConcurrentPublishersLoseNothing) {
   Bus bus(hub.Url(), ""), listener(hub.Url(), "");
   std::vector<int> heard(3, 0);
   bool in_order = true, is_subscribed = false;
-  listener.Subscribe<ack_t>("X", Delivery::kKeepAll, [&](const ack_t& ack) {
+  const Subscription of_listener = listener.Subscribe<ack_t>("X", Delivery::kKeepAll, [&](const ack_t& ack) {
     int& count = heard[static_cast<size_t>(ack.cumulative / 1000)];
     in_order = in_order && ack.cumulative % 1000 == count;
     ++count;
   });
-  listener.Subscribe<ack_t>("READY", Delivery::kKeepAll, [&](const ack_t&) { is_subscribed = true; });
+  const Subscription of_ready =
+      listener.Subscribe<ack_t>("READY", Delivery::kKeepAll, [&](const ack_t&) { is_subscribed = true; });
   ASSERT_TRUE(HandleUntil(&listener, [&] {
     listener.Publish("READY", MakeAck(0));
     return is_subscribed;
@@ -105,7 +108,8 @@ TEST(Bus, ReconnectsAndSubscribesAgainAfterTheHubRestarted) {
   const int port = hub->Port();
   Bus bus(hub->Url(), ""), other(hub->Url(), "");
   int64_t heard = -1;
-  bus.Subscribe<ack_t>("X", Delivery::kKeepAll, [&](const ack_t& ack) { heard = ack.cumulative; });
+  const Subscription of_bus =
+      bus.Subscribe<ack_t>("X", Delivery::kKeepAll, [&](const ack_t& ack) { heard = ack.cumulative; });
   // Again and again: the hub may learn of the subscription after it has a first message.
   ASSERT_TRUE(HandleUntil(&bus, [&] {
     other.Publish("X", MakeAck(1));
@@ -129,7 +133,8 @@ TEST(Bus, StartsBeforeTheHubDoes) {
   EXPECT_FALSE(bus.IsConnected());
   EXPECT_FALSE(bus.Publish("X", MakeAck(1)));
   int64_t heard = -1;
-  bus.Subscribe<ack_t>("X", Delivery::kKeepAll, [&](const ack_t& ack) { heard = ack.cumulative; });
+  const Subscription of_bus =
+      bus.Subscribe<ack_t>("X", Delivery::kKeepAll, [&](const ack_t& ack) { heard = ack.cumulative; });
   RunningHub hub({}, port);
   EXPECT_TRUE(HandleUntil(&bus, [&] {
     bus.Publish("X", MakeAck(3));
@@ -140,7 +145,7 @@ TEST(Bus, StartsBeforeTheHubDoes) {
 TEST(Bus, CountsAndDropsWhatDoesNotDecode) {
   Bus bus("memq://", "");
   int num_heard = 0;
-  bus.Subscribe<ack_t>("X", Delivery::kKeepAll, [&](const ack_t&) { ++num_heard; });
+  const Subscription of_bus = bus.Subscribe<ack_t>("X", Delivery::kKeepAll, [&](const ack_t&) { ++num_heard; });
   const uint8_t garbage[3] = {1, 2, 3};
   bus.PublishRaw("X", garbage, 3);
   std::vector<uint8_t> trailing = EncodeMessage(MakeAck(1));
@@ -153,7 +158,7 @@ TEST(Bus, CountsAndDropsWhatDoesNotDecode) {
 TEST(Bus, SurvivesHandlersThatThrow) {
   Bus bus("memq://", "");
   int num_heard = 0;
-  bus.Subscribe<ack_t>("X", Delivery::kKeepAll, [&](const ack_t& ack) {
+  const Subscription of_bus = bus.Subscribe<ack_t>("X", Delivery::kKeepAll, [&](const ack_t& ack) {
     ++num_heard;
     if (ack.cumulative == 1) throw std::runtime_error("handler failed");
   });

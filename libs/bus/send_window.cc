@@ -1,0 +1,67 @@
+#include "libs/bus/send_window.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace mapmend {
+
+void SendWindow::Add(EncodedRecord record) {
+  bytes_ += static_cast<int64_t>(record.data.size());
+  const int64_t seq = record.seq;
+  entries_[seq].record = std::move(record);
+}
+
+void SendWindow::Acknowledge(int64_t cumulative, Clock::time_point now) {
+  while (!entries_.empty() && entries_.begin()->first <= cumulative) {
+    const Entry& entry = entries_.begin()->second;
+    // A record that was sent again counts from its first sending: rather too long than too short.
+    if (entry.is_timed) timer_.OnAcknowledged(now - entry.first_sent);
+    bytes_ -= static_cast<int64_t>(entry.record.data.size());
+    entries_.erase(entries_.begin());
+  }
+}
+
+void SendWindow::OnMissing(const std::vector<int64_t>& missing) {
+  if (missing.empty()) return;
+  std::vector<int64_t> seqs = missing;
+  std::sort(seqs.begin(), seqs.end());
+  int64_t newest_held = -1;  // sending of what the store has for certain: it names something behind it, but not it
+  for (auto it = entries_.begin(); it != entries_.end() && it->first < seqs.back(); ++it) {
+    if (!std::binary_search(seqs.begin(), seqs.end(), it->first) && it->second.is_sent)
+      newest_held = std::max(newest_held, it->second.sending);
+  }
+  for (const int64_t seq : seqs) {
+    const auto it = entries_.find(seq);
+    if (it == entries_.end()) continue;
+    it->second.is_asked = true;
+    it->second.is_lost = it->second.is_sent && it->second.sending < newest_held;
+  }
+}
+
+void SendWindow::OnNewConnection() {
+  timer_.Reset();
+  for (auto& [seq, entry] : entries_) entry.is_timed = false;
+}
+
+void SendWindow::SendDue(Clock::time_point now, const std::function<bool(const EncodedRecord&)>& send) {
+  bool is_first = true;
+  for (auto& [seq, entry] : entries_) {
+    const bool is_oldest = std::exchange(is_first, false);
+    if (entry.is_sent && !entry.is_lost) {
+      const auto since = now - entry.last_sent;
+      const bool is_due = entry.is_asked ? since >= timer_.Timeout()
+                                         : is_oldest && since >= std::max(resend_unasked_, timer_.Timeout());
+      if (!is_due) continue;
+    }
+    if (!send(entry.record)) return;
+    entry.last_sent = now;
+    entry.sending = ++num_sendings_;
+    entry.is_asked = entry.is_lost = false;
+    if (!entry.is_sent) {
+      entry.is_sent = entry.is_timed = true;
+      entry.first_sent = now;
+    }
+  }
+}
+
+}  // namespace mapmend
