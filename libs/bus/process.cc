@@ -11,6 +11,7 @@
 
 #include "libs/bus/access_token.h"
 #include "libs/bus/stop_request.h"
+#include "libs/command_line/command_line.h"
 
 namespace mapmend {
 namespace {
@@ -66,10 +67,14 @@ bool StopRequested() { return g_stop_requested != 0; }
 void WithdrawStopRequest() { g_stop_requested = 0; }
 
 int RunMain(const std::string& name, int (*body)(int argc, char** argv), int argc, char** argv) {
+  const std::string prefix = ErrorPrefix(ProgramName(name, argc, argv));
   try {
     return body(argc, argv);
+  } catch (const UsageError& e) {
+    std::cerr << prefix << e.what() << "\n";
+    return kExitUsage;
   } catch (const std::exception& e) {
-    std::cerr << name << ": " << e.what() << "\n";
+    std::cerr << prefix << e.what() << "\n";
     return 1;
   }
 }

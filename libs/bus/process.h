@@ -25,7 +25,7 @@ void ApplyLogLevel(const ProcessOptions& options);
 void InstallSignalHandlers();
 bool StopRequested();
 
-// Runs body, turning any std::exception into "name: message" on stderr and exit code 1.
+// Runs body, turning any std::exception into "name: message" on stderr and exit code 1, a UsageError into exit code 2.
 int RunMain(const std::string& name, int (*body)(int argc, char** argv), int argc, char** argv);
 
 }  // namespace mapmend

@@ -74,6 +74,7 @@ FrameOutcome Frontend::Initialise(const FramePtr& frame) {
   FrameOutcome outcome;
   const Initialization initialization = initializer_.AddFrame(frame);
   outcome.reason = initialization.reason;
+  outcome.cause = initialization.success ? "not_confirmed" : InitialCause(*frame, initialization);
   Begin(initialization, &outcome);
   return outcome;
 }
@@ -82,6 +83,7 @@ void Frontend::Begin(const Initialization& initialization, FrameOutcome* outcome
   if (!initialization.success || !StartSubmap(initialization)) return;
   outcome->state = FrontendState::kTracking;
   outcome->method = "initialised";
+  outcome->cause.clear();
   outcome->keyframe = true;
   outcome->submap = map_->Id();
   outcome->cam_from_submap = initialization.second->cam_from_submap;
@@ -233,6 +235,8 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
     if (!confirmed_ && frames_since_start_ >= options_.confirm_frames) {
       WaitForMapping();
       confirmed_ = true;
+      const auto by_frame = [](const TrackedFrame& a, const TrackedFrame& b) { return a.frame < b.frame; };
+      outcome.submap_begin = std::min_element(tracked_frames_.begin(), tracked_frames_.end(), by_frame)->frame;
       initializer_.Clear();
       Publish(frame->utime);
     }
@@ -240,14 +244,16 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
   }
 
   outcome.state = FrontendState::kLost;
-  outcome.reason = ExplainFailure(*frame, result.reason);
+  outcome.reason = outcome.cause = ExplainFailure(*frame, result.reason);
   // The first frame tells best why tracking was lost: after a gap or a dark spell the next ones look well.
   if (lost_frames_ == 0) last_failure_ = outcome.reason;
   ++lost_frames_;
   lost_.push_back(frame);
   if (!confirmed_) {
     AbandonSubmap();
-    return Initialise(frame);
+    outcome = Initialise(frame);
+    if (outcome.cause == "no_common_motion" || outcome.cause == "too_few_matches") outcome.cause = "not_confirmed";
+    return outcome;
   }
   if (lost_frames_ == 1) initializer_.Clear();
   // A new submap is begun while the old one may still be found again: whichever succeeds first wins.
@@ -258,6 +264,13 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
     Begin(initialization, &outcome);
   }
   return outcome;
+}
+
+// What is wrong with the image itself comes before what is wrong between images.
+std::string Frontend::InitialCause(const Frame& frame, const Initialization& initialization) const {
+  if (frame.mean_brightness < kDark) return "darkness";
+  if (static_cast<int>(frame.features.Size()) < options_.initializer.min_matches) return "too_few_features";
+  return initialization.cause;
 }
 
 std::string Frontend::ExplainFailure(const Frame& frame, const std::string& tracker_reason) const {

@@ -44,9 +44,14 @@ struct FrameOutcome {
   FrontendState state = FrontendState::kInitialising;
   std::string method;  // how tracking succeeded
   std::string reason;  // or why not
+  // Why not, in the words of a diagnosis: darkness, blur, input_gap, too_few_features, too_few_matches,
+  // no_common_motion, no_motion, no_parallax, ambiguous, not_confirmed (a submap was begun that the next frames did not
+  // fit), too_few_inliers, unsupported_pose, inconsistent_motion.
+  std::string cause;
   int num_inliers = 0;
   bool keyframe = false;
   SubmapId submap;
+  int submap_begin = -1;  // with this frame the submap is believed; its first frame (may be earlier). Else -1
   Rigid3 cam_from_submap;
   // Time spent. With a mapping thread, what tracking waited for it is in tracking_s.
   double tracking_s = 0, mapping_s = 0;
@@ -78,6 +83,7 @@ class Frontend {
   // Starts a submap if initialisation has succeeded, and says so in the outcome of its second frame.
   void Begin(const Initialization& initialization, FrameOutcome* outcome);
   bool StartSubmap(const Initialization& initialization);
+  std::string InitialCause(const Frame& frame, const Initialization& initialization) const;
   std::string ExplainFailure(const Frame& frame, const std::string& tracker_reason) const;
   bool NeedsKeyframe(const Frame& frame, const TrackResult& result) const;
   void InsertKeyframe(const FramePtr& frame);

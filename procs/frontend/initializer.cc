@@ -133,6 +133,7 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
   // At thirty frames a second the next frame tells no more than the one that was refused.
   if (frame->utime < refused_utime_ + static_cast<int64_t>(1e6 * options_.min_retry_s)) {
     result.reason = refused_reason_;
+    result.cause = refused_cause_;
   } else {
     // Among the newest first; a camera that turns on the spot may have its baseline to much older ones.
     const int n = static_cast<int>(frames_.size()), split = std::max(0, n - kNewFrames);
@@ -144,6 +145,7 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
     if (!result.success && result.reason != "too_few_matches") {
       refused_utime_ = frame->utime;
       refused_reason_ = result.reason;
+      refused_cause_ = result.cause;
     }
   }
   frames_.push_back(frame);
@@ -168,7 +170,10 @@ Initialization Initializer::TryPartners(const FramePtr& frame, int oldest, int n
     }
     const Initialization attempt = Try(frames_[i], frame, between);
     if (attempt.success) return attempt;
-    if (result.reason == "too_few_matches") result.reason = attempt.reason;
+    if (result.reason == "too_few_matches") {
+      result.reason = attempt.reason;
+      if (attempt.cause != "too_few_matches") result.cause = attempt.cause;
+    }
     if (attempt.reason == "too_few_matches") {
       oldest = i + 1;
     } else {  // too little parallax to tell: an older one has more
@@ -252,12 +257,14 @@ Initialization Initializer::Try(const FramePtr& first, const FramePtr& second,
   }
   std::nth_element(shifts.begin(), shifts.begin() + shifts.size() / 2, shifts.end());
   result.reason = "no_parallax";
+  result.cause = "no_motion";
   if (shifts[shifts.size() / 2] < options_.min_motion * camera_.width) return result;
 
   const std::vector<Judged> candidates =
       RankMotions(camera_, matches, ProposeTwoViewMotions(rays_first, rays_second, 1.5 / camera_.fx, options_.seed),
                   options_.max_sigma);
   result.reason = "too_few_matches";
+  result.cause = "no_common_motion";
   const int min_support = std::max(options_.min_points, options_.min_matches / 2);
   if (candidates.empty() || static_cast<int>(candidates[0].Support()) < min_support) return result;
   // Other motions that explain nearly as much: frames between the two must tell.
@@ -280,11 +287,11 @@ Initialization Initializer::Try(const FramePtr& first, const FramePtr& second,
         second_least = std::min(second_least, misfit);
       }
     }
-    result.reason = "ambiguous";
+    result.reason = result.cause = "ambiguous";
     if (options_.max_misfit_ratio * second_least < least) return result;
   }
   const Judged& best = candidates[winner];
-  result.reason = "no_parallax";
+  result.reason = result.cause = "no_parallax";
   if (static_cast<int>(best.matches.size()) < options_.min_points ||
       best.median_angle_deg < options_.min_median_angle_deg) {
     return result;
@@ -301,6 +308,7 @@ Initialization Initializer::Try(const FramePtr& first, const FramePtr& second,
   }
   result.success = true;
   result.reason.clear();
+  result.cause.clear();
   return result;
 }
 

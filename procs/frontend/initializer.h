@@ -34,6 +34,9 @@ struct InitialPoint {
 struct Initialization {
   bool success = false;
   std::string reason;  // if not: too_few_matches, no_parallax, ambiguous
+  // Finer than the reason, for a person: too_few_matches may also be no_common_motion (enough matches, but no motion of
+  // such a camera explains them), no_parallax may also be no_motion (the image stands still).
+  std::string cause = "too_few_matches";
   FramePtr first, second;
   Rigid3 second_from_first;
   std::vector<InitialPoint> points;
@@ -80,7 +83,7 @@ class Initializer {
   std::deque<FramePtr> frames_;
   static constexpr int64_t kNever = std::numeric_limits<int64_t>::min() / 2;
   int64_t refused_utime_ = kNever;  // of the last frame that was refused though it shares enough
-  std::string refused_reason_;
+  std::string refused_reason_, refused_cause_;
 };
 
 }  // namespace mapmend

@@ -6,6 +6,7 @@
 #include <exception>
 #include <iostream>
 
+#include "libs/command_line/command_line.h"
 #include "procs/frontend/run_options.h"
 
 int main(int argc, char** argv) {
@@ -42,6 +43,7 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--profile", options.profile_path,
                  "write the time of each stage per frame to this JSON file, and print it");
+  app.add_option("--events", options.events_path, "file that gets a JSON line for each loss and each submap");
   app.add_option("--seed", options.seed, "of all random sampling")->capture_default_str();
   app.add_option("--session", options.session, "name of the session (UUID); else made from input, options and seed");
   app.add_option("--outbox", options.outbox_path, "file that keeps what the store has not acknowledged");
@@ -52,11 +54,7 @@ int main(int argc, char** argv) {
   app.add_option("--relocalisation-frames", options.frontend.relocalisation_frames,
                  "further frames in which a lost submap may be found again")
       ->capture_default_str();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e);
-  }
+  if (const auto code = mapmend::ParseCommandLine(&app, argc, argv)) return *code;
   options.mode = live       ? mapmend::InputMode::kLive
                  : realtime ? mapmend::InputMode::kRealtime
                             : mapmend::InputMode::kLockstep;

@@ -20,6 +20,7 @@
 #include "libs/capture/paced_images.h"
 #include "libs/mapping/session_id.h"
 #include "libs/retrieval/vocabulary.h"
+#include "procs/frontend/flight_diary.h"
 #include "procs/frontend/frame_queue.h"
 #include "procs/frontend/live_images.h"
 #include "procs/frontend/profiler.h"
@@ -196,6 +197,9 @@ int RunFrontend(const RunOptions& options) {
   Frontend frontend(frontend_options, camera.Ideal(), pyramid, &vocabulary,
                     [&](int64_t utime, RecordBody body) { sender.Append(utime, std::move(body)); });
 
+  EventLog events(options.events_path, "frontend");
+  FlightDiary diary(&events, &health);
+
   // Last of all: a camera or a clock does not wait.
   const Input input(options, input_camera, skip);
   FrameQueue queue(input.Stream(), &maker, options.mode == InputMode::kLockstep ? 3 : 1);
@@ -233,7 +237,9 @@ int RunFrontend(const RunOptions& options) {
       continue;
     }
     if (num_frames++ == 0) {
-      sender.Append(frame->utime, DescribeSession(options, camera, pyramid, vocabulary, input.NumFrames()));
+      const SessionStarted started = DescribeSession(options, camera, pyramid, vocabulary, input.NumFrames());
+      diary.OnStart(session, started.source, camera.width, camera.height);
+      sender.Append(frame->utime, started);
     }
     last_utime = frame->utime;
     const FrameOutcome outcome = frontend.ProcessFrame(frame);
@@ -241,6 +247,7 @@ int RunFrontend(const RunOptions& options) {
     bus.Publish(channels::kFramePose, ToMessage(session, *frame, outcome));
     spdlog::debug("frame {}: {} {} {} inliers{}", frame->index, outcome.method, outcome.reason, outcome.num_inliers,
                   outcome.keyframe ? ", keyframe" : "");
+    diary.OnFrame(*frame, outcome);
     report();
     health.Tick();
     if (const std::string error = sender.StoreError(); !error.empty() && num_frames % 100 == 1) {
@@ -252,6 +259,7 @@ int RunFrontend(const RunOptions& options) {
   if (num_frames == 0 && !cut_off) throw std::runtime_error(ExplainNoFrame(options, input));
   frontend.Finish();
   if (num_frames > 0) sender.Append(last_utime, SessionEnded{num_frames});
+  diary.OnEnd(num_frames, frontend.NumTracked(), input.Stream()->NumDropped());
   report();
   health.SetCounter("track_ms_median", Percentile(track_ms, 0.5));
   health.SetCounter("track_ms_p95", Percentile(track_ms, 0.95));

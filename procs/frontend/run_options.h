@@ -18,6 +18,7 @@ struct RunOptions {
   int num_features = 0;   // per image; 0: 1000 up to one megapixel, 2000 above
   int max_dimension = 0;  // pixels; larger images are scaled down; 0: never
   uint64_t seed = 1;
+  std::string events_path;   // file that gets a JSON line for each loss, submap, end; empty: none
   std::string profile_path;  // JSON file for the time of each stage; empty: none
   InputMode mode = InputMode::kLockstep;
   double speed = 1;     // kRealtime: times as fast as the images were taken

@@ -141,6 +141,16 @@ const HealthMonitor::Entry* Backend::Health(const std::string& name) const {
   return nullptr;
 }
 
+const HealthMonitor::Entry* Backend::LastWord(const std::string& name, pid_t pid) {
+  const auto deadline = Clock::now() + milliseconds(300);
+  while (Clock::now() < deadline) {
+    const HealthMonitor::Entry* entry = monitor_->Find(name, pid);
+    if (entry != nullptr && entry->state == "done") return entry;
+    Tick(20);
+  }
+  return monitor_->Find(name, pid);
+}
+
 bool Backend::IsFinished(const std::string& session, int64_t last_seq) const {
   const auto done = [&](const HealthMonitor::Entry* entry) {
     if (entry == nullptr || entry->state != "done") return false;

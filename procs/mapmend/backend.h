@@ -54,6 +54,8 @@ class Backend {
   Supervisor* supervisor() { return &supervisor_; }
   // Health of our own process of that name; nullptr before its first word.
   const HealthMonitor::Entry* Health(const std::string& name) const;
+  // The last health of a process of ours that has ended: waits a little for it to arrive. nullptr if there is none.
+  const HealthMonitor::Entry* LastWord(const std::string& name, pid_t pid);
   // Stops all. Afterwards usage is complete: CPU and memory of every process, in order of start.
   std::vector<std::pair<std::string, ResourceUsage>> StopAll();
 

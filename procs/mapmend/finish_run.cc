@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <thread>
 
@@ -27,8 +28,13 @@ std::string FinishRun(const std::string& out, const LauncherFigures& figures, co
   const std::string log = out + "/logs/viewer_export.log";
   RunTool({"viewer_export", "--report", out}, log, "cannot build the report");
   const std::string folder = std::filesystem::absolute(out).lexically_normal().string();
-  return FormatSummaryTable(out) + "  report       " + folder + "/report.html\n  map          " +
-         (db.empty() ? folder + "/map.db, map.ply, frames.tum" : folder + "/map.ply, frames.tum, made from " + db);
+  std::string files = db.empty() ? "map.db" : "";
+  // Without a tracked frame there is no point cloud, and the trajectory is empty.
+  if (ReadSummary(out).value("frames_tracked", 0) > 0)
+    files += std::string(files.empty() ? "" : ", ") + "map.ply, frames.tum";
+  std::string lines = FormatSummaryTable(out) + "  report       " + folder + "/report.html";
+  if (!files.empty()) lines += "\n  map          " + folder + "/" + files + (db.empty() ? "" : ", made from " + db);
+  return lines;
 }
 
 }  // namespace mapmend

@@ -20,7 +20,7 @@ const ForwardCommand kForwardCommands[] = {
 
 void ExecForward(const ForwardCommand& command, const std::vector<std::string>& arguments) {
   const std::string path = FindProgram(command.program);
-  std::vector<std::string> words = {path};
+  std::vector<std::string> words = {"mapmend " + command.name};  // the name under which the program speaks
   if (!command.first_argument.empty()) words.push_back(command.first_argument);
   words.insert(words.end(), arguments.begin(), arguments.end());
   std::vector<char*> argv;

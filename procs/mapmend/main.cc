@@ -3,6 +3,7 @@
 #include <exception>
 #include <iostream>
 
+#include "libs/command_line/command_line.h"
 #include "procs/mapmend/commands.h"
 
 int main(int argc, char** argv) {
@@ -25,12 +26,13 @@ int main(int argc, char** argv) {
   mapmend::AddVocabCommand(&app);
   mapmend::AddHubCommand(&app);
   try {
-    app.parse(argc, argv);
+    if (const auto code = mapmend::ParseCommandLine(&app, argc, argv)) return *code;
     if (!app.get_subcommands().empty()) return 0;
     std::cerr << "mapmend: no command given\n\n" << app.help();
-    return 1;
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e);
+    return mapmend::kExitUsage;
+  } catch (const mapmend::UsageError& e) {
+    std::cerr << "mapmend: " << e.what() << "\n";
+    return mapmend::kExitUsage;
   } catch (const std::exception& e) {
     std::cerr << "mapmend: " << e.what() << "\n";
     return 1;

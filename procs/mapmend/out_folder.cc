@@ -22,10 +22,10 @@ namespace {
 namespace fs = std::filesystem;
 
 // Everything a run writes into its folder.
-constexpr const char* kResults[] = {"map.db",     "map.db-wal",    "map.db-shm",  "map.ply",
-                                    "frames.tum", "keyframes.tum", "components",  "submaps",
-                                    "graph.dot",  "graph.svg",     "report.html", "summary.json",
-                                    "logs",       "outbox",        "colmap",      "trajectory.svg"};
+constexpr const char* kResults[] = {"map.db",         "map.db-wal",   "map.db-shm", "map.ply",   "frames.tum",
+                                    "keyframes.tum",  "components",   "submaps",    "graph.dot", "graph.svg",
+                                    "report.html",    "summary.json", "logs",       "outbox",    "colmap",
+                                    "trajectory.svg", "events.jsonl"};
 
 bool IsFree(int port) {
   const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #include "libs/bus/channels.h"
@@ -47,9 +48,17 @@ std::string SessionOf(const RunOptions& options) {
 std::string ProfilePath(const RunOptions& options) { return options.out + "/logs/profile.json"; }
 
 std::vector<std::string> FrontendArguments(const RunOptions& options, const std::string& session) {
-  std::vector<std::string> argv = {FindProgram("frontend"), "--camera",  options.camera, "--vocabulary",
-                                   options.vocabulary,      "--session", session,        "--outbox",
-                                   options.out + "/outbox"};
+  std::vector<std::string> argv = {FindProgram("frontend"),
+                                   "--camera",
+                                   options.camera,
+                                   "--vocabulary",
+                                   options.vocabulary,
+                                   "--session",
+                                   session,
+                                   "--outbox",
+                                   options.out + "/outbox",
+                                   "--events",
+                                   options.out + "/events.jsonl"};
   argv.push_back(options.live ? "--live" : options.input);
   if (options.realtime) argv.push_back("--realtime");
   const auto add = [&](const char* name, const std::string& value) {
@@ -119,6 +128,10 @@ void AddFrontendFigures(const HealthMonitor::Entry& frontend, const RunOptions& 
   figures->track_ms_p95 = counter("track_ms_p95");
   figures->frames_dropped = static_cast<int64_t>(counter("frames_dropped").value_or(0));
   figures->bad_messages = static_cast<int64_t>(counter("bad_messages").value_or(0));
+  const std::string untracked = "untracked.";
+  for (const auto& [name, value] : frontend.counters) {
+    if (name.starts_with(untracked)) figures->untracked[name.substr(untracked.size())] = static_cast<int>(value);
+  }
 }
 
 }  // namespace
@@ -136,7 +149,7 @@ int RunFlight(const RunInputs& inputs) {
 
   for (const std::string& note : inputs.notes) std::printf("%s\n", note.c_str());
   Progress progress;
-  std::string complaint;
+  std::string complaint, problem;
   int exit_code = 0;
   try {
     BackendOptions backend_options;
@@ -162,14 +175,17 @@ int RunFlight(const RunInputs& inputs) {
 
     backend.StartProcess("frontend", FrontendArguments(options, session), OnExit::kReport);
     HealthMonitor::Entry frontend;  // its last word
+    pid_t frontend_pid = backend.supervisor()->Pid("frontend");
     FlightEnd flight_end(options, &backend);
     while (!backend.supervisor()->Status("frontend")) {
       const auto* health = backend.Health("frontend");
       if (health != nullptr) frontend = *health;
+      if (const pid_t pid = backend.supervisor()->Pid("frontend"); pid > 0) frontend_pid = pid;
       progress.Show(DescribeProgress(backend, inputs.num_frames));
       flight_end.Tick(50);
     }
     const ExitStatus status = *backend.supervisor()->Status("frontend");
+    if (const auto* last = backend.LastWord("frontend", frontend_pid); last != nullptr) frontend = *last;
     const bool cut_short = status.signal == 0 && status.code == kExitInputCutShort;
     const auto cursor = frontend.cursors.find(session);
     int64_t last_seq = cursor == frontend.cursors.end() ? -1 : cursor->second;
@@ -196,6 +212,7 @@ int RunFlight(const RunInputs& inputs) {
     if (recorder) recorder->Finish();
 
     LauncherFigures figures;
+    figures.session = session;
     AddFrontendFigures(frontend, options, &figures);
     // A frontend that was killed has not written it.
     if (options.profile && std::filesystem::exists(ProfilePath(options)))
@@ -205,11 +222,14 @@ int RunFlight(const RunInputs& inputs) {
     figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
     progress.Say(FinishRun(options.out, figures));
     if (!complaint.empty()) exit_code = cut_short ? kExitInputCutShort : 1;
+    problem = ReadSummary(options.out).value("problem", "");
+    if (!problem.empty() && exit_code != 1) exit_code = kExitSmallMap;
   } catch (const Interrupted&) {
     progress.Say("interrupted: " + options.out + "/map.db holds what was mapped so far");
     return kExitInterrupted;
   }
   if (!complaint.empty()) std::fprintf(stderr, "mapmend: %s; what could be read is mapped\n", complaint.c_str());
+  if (!problem.empty()) std::fprintf(stderr, "mapmend: %s\n", problem.c_str());
   return exit_code;
 }
 

@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "libs/capture/image_source.h"
+#include "libs/command_line/command_line.h"
 #include "libs/geometry/camera.h"
 #include "libs/geometry/times_file.h"
 #include "libs/geometry/trajectory_file.h"
@@ -91,7 +92,7 @@ void CheckLiveInput(RunOptions* options) {
 void CheckFileInput(RunInputs* inputs) {
   RunOptions& options = inputs->options;
   std::error_code error;
-  if (options.input.empty()) Fail("no input: give a video file or a folder of images, or --live");
+  if (options.input.empty()) throw UsageError("no input: give a video file or a folder of images, or --live");
   if (!fs::exists(options.input, error)) Fail("input " + options.input + " does not exist");
   const bool is_folder = fs::is_directory(options.input, error);
 
@@ -139,8 +140,9 @@ RunInputs CheckRunInputs(const RunOptions& given) {
     CheckLiveInput(&options);
   else
     CheckFileInput(&inputs);
-  if (options.speed && !options.realtime) Fail("--speed needs --realtime");
-  if (options.max_waiting && !options.realtime && !options.live) Fail("--max-waiting needs --realtime or --live");
+  if (options.speed && !options.realtime) throw UsageError("--speed needs --realtime");
+  if (options.max_waiting && !options.realtime && !options.live)
+    throw UsageError("--max-waiting needs --realtime or --live");
   if (!options.groundtruth.empty()) {
     RequireReadableFile(options.groundtruth, "ground truth");
     if (ReadTrajectory(options.groundtruth).empty()) Fail("ground truth " + options.groundtruth + " holds no pose");
@@ -148,7 +150,7 @@ RunInputs CheckRunInputs(const RunOptions& given) {
   if (options.features && *options.features < 100)
     Fail("--features " + std::to_string(*options.features) + ": at least 100");
   if (options.max_dimension && *options.max_dimension < 0) Fail("--max-dimension must not be negative");
-  if (options.overwrite && options.append) Fail("--overwrite and --append exclude each other");
+  if (options.overwrite && options.append) throw UsageError("--overwrite and --append exclude each other");
   CheckVocabulary(&inputs);
   return inputs;
 }

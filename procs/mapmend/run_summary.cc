@@ -5,21 +5,13 @@
 #include <stdexcept>
 
 #include "libs/geometry/write_file.h"
+#include "procs/mapmend/flight_verdict.h"
 #include "procs/mapmend/progress.h"
 
 namespace mapmend {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-Json ReadSummary(const std::string& path) {
-  try {
-    Json summary = Json::parse(ReadFile(path));
-    if (summary.is_object()) return summary;
-  } catch (const Json::exception&) {
-  }
-  throw std::runtime_error(path + " is not a JSON object");
-}
 
 int Count(const Json& summary, const char* key) {
   const auto found = summary.find(key);
@@ -45,15 +37,25 @@ std::string Format(const char* format, Values... values) {
 
 }  // namespace
 
-void CompleteSummary(const std::string& out, const LauncherFigures& figures) {
+Json ReadSummary(const std::string& out) {
   const std::string path = out + "/summary.json";
-  Json summary = ReadSummary(path);
+  try {
+    Json summary = Json::parse(ReadFile(path));
+    if (summary.is_object()) return summary;
+  } catch (const Json::exception&) {
+  }
+  throw std::runtime_error(path + " is not a JSON object");
+}
+
+void CompleteSummary(const std::string& out, const LauncherFigures& figures) {
+  Json summary = ReadSummary(out);
   summary["wall_s"] = figures.wall_s;
   Json frontend = Json::object();
   if (!figures.mode.empty()) {
     frontend["mode"] = figures.mode;
     frontend["frames_dropped"] = figures.frames_dropped;
     frontend["bad_messages"] = figures.bad_messages;
+    if (!figures.untracked.empty()) frontend["untracked"] = figures.untracked;
   }
   if (figures.track_ms_median) frontend["track_ms_median"] = *figures.track_ms_median;
   if (figures.track_ms_p95) frontend["track_ms_p95"] = *figures.track_ms_p95;
@@ -69,11 +71,13 @@ void CompleteSummary(const std::string& out, const LauncherFigures& figures) {
   }
   summary["processes"] = processes;
   if (figures.readout_ms) summary["readout_ms"] = *figures.readout_ms;
-  WriteFile(path, summary.dump(2) + "\n");
+  if (const std::string problem = DescribeSmallMap(summary, figures.session); !problem.empty())
+    summary["problem"] = problem;
+  WriteFile(out + "/summary.json", summary.dump(2) + "\n");
 }
 
 std::string FormatSummaryTable(const std::string& out) {
-  const Json summary = ReadSummary(out + "/summary.json");
+  const Json summary = ReadSummary(out);
   const int frames = Count(summary, "frames_in"), tracked = Count(summary, "frames_tracked");
   const int in_main = Count(summary, "frames_in_main");
   std::string table;

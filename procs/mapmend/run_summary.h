@@ -1,5 +1,7 @@
 #pragma once
 
+#include <map>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -11,17 +13,24 @@
 namespace mapmend {
 
 struct LauncherFigures {
+  std::string session;  // the flight that was mapped; empty: none, or several
   double wall_s = 0;
   std::string mode;                              // of the frontend: lockstep, realtime or live; empty: there was none
   int64_t frames_dropped = 0, bad_messages = 0;  // came while it was busy; were no good
+  std::map<std::string, int> untracked;          // frames without a pose when they came, by cause
   std::optional<double> track_ms_median, track_ms_p95;  // of the frontend, if there was one
   std::string profile_json;                             // as the frontend wrote it; empty: none was asked for
   std::optional<double> readout_ms;                     // of the rolling shutter that the merger found
   std::vector<std::pair<std::string, ResourceUsage>> processes;
 };
 
-// Adds wall_s, frontend {mode, frames_dropped, bad_messages, track_ms_median, track_ms_p95, profile []} and processes
-// [], and readout_ms, to OUT/summary.json. Throws std::runtime_error if the file is missing or no JSON object.
+// OUT/summary.json as it stands. Throws std::runtime_error if the file is missing or no JSON object.
+nlohmann::ordered_json ReadSummary(const std::string& out);
+
+// Adds wall_s, frontend {mode, frames_dropped, bad_messages, untracked {}, track_ms_median, track_ms_p95, profile []}
+// and processes
+// [], readout_ms, and problem (if the main map holds less than half of the flight, as DescribeSmallMap tells it), to
+// OUT/summary.json. Throws std::runtime_error if the file is missing or no JSON object.
 void CompleteSummary(const std::string& out, const LauncherFigures& figures);
 
 // The table for the terminal, from OUT/summary.json. Throws as CompleteSummary does.

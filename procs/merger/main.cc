@@ -1,9 +1,11 @@
+#include "libs/command_line/command_line.h"
 #include "procs/merger/merger_process.h"
 
 namespace {
 
 int Run(int argc, char** argv) {
-  CLI::App app("Connects the submaps of all sessions on the bus, places them in one frame, and refines the merged map");
+  CLI::App app("Connects the submaps of all sessions on the bus, places them in one frame, and refines the merged map",
+               "merger");
   mapmend::MergerProcessOptions options;
   mapmend::AddProcessOptions(&app, &options.process);
   app.add_option("--vocabulary", options.vocabulary, "vocabulary file; sessions made with another one are refused");
@@ -12,7 +14,7 @@ int Run(int argc, char** argv) {
                  "keyframes held complete in memory; the bulk of the others is read from the store when needed")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  CLI11_PARSE(app, argc, argv);
+  if (const auto code = mapmend::ParseCommandLine(&app, argc, argv)) return *code;
   mapmend::ApplyLogLevel(options.process);
   return mapmend::RunMergerProcess(options);
 }

@@ -7,6 +7,7 @@
 #include <iostream>
 #include <thread>
 
+#include "libs/command_line/command_line.h"
 #include "procs/simulate/measure.h"
 #include "procs/simulate/simulator.h"
 
@@ -49,7 +50,7 @@ int main(int argc, char** argv) {
       "Makes a synthetic flight, drive or walk with exact ground truth: video.mp4, times.txt, camera.yaml, "
       "groundtruth.tum, "
       "gps.csv, events.json and terrain.ply.",
-      "simulate");
+      "mapmend simulate");
   app.set_version_flag("--version", std::string("mapmend simulate ") + MAPMEND_VERSION);
   std::string name, out, frames, size;
   uint64_t seed = 0;
@@ -78,7 +79,7 @@ int main(int argc, char** argv) {
   measure->add_option("--ground", measured.ground_height, "Height of the ground, metres");
   measure->add_option("--every", measured.every, "Measure every Nth frame")->check(CLI::Range(1, 1000));
   measure->add_option("--features", measured.num_features, "ORB features per frame")->check(CLI::Range(100, 20000));
-  CLI11_PARSE(app, argc, argv);
+  if (const auto code = mapmend::ParseCommandLine(&app, argc, argv)) return *code;
   try {
     if (measure->parsed()) {
       std::cout << Measure(measured) << "\n";
@@ -91,12 +92,12 @@ int main(int argc, char** argv) {
       }
       return 0;
     }
-    if (name.empty()) throw std::runtime_error("--scenario is missing (--list shows them)");
-    if (out.empty()) throw std::runtime_error("--out is missing");
+    if (name.empty()) throw mapmend::UsageError("--scenario is missing (--list shows them)");
+    if (out.empty()) throw mapmend::UsageError("--out is missing");
     Scenario scenario = ReadScenario(name, data + "/scenarios");
     if (seed_option->count() > 0) scenario.seed = seed;
     if (fps_option->count() > 0) {
-      if (!(fps > 0)) throw std::runtime_error("--fps must be positive");
+      if (!(fps > 0)) throw mapmend::UsageError("--fps must be positive");
       scenario.frames = std::max(1, static_cast<int>(std::lround(scenario.frames / scenario.fps * fps)));
       scenario.fps = fps;
     }
@@ -124,7 +125,7 @@ int main(int argc, char** argv) {
     });
     if (!quiet) std::fprintf(stderr, "\n");
     if (!whole) {
-      std::cerr << "mapmend simulate: interrupted; nothing was written\n";
+      std::cerr << "mapmend: simulate: interrupted; nothing was written\n";
       return 130;
     }
     if (!quiet) {
@@ -132,8 +133,11 @@ int main(int argc, char** argv) {
                   seconds(built, now()));
     }
     return 0;
+  } catch (const mapmend::UsageError& e) {
+    std::cerr << "mapmend: simulate: " << e.what() << "\n";
+    return mapmend::kExitUsage;
   } catch (const std::exception& e) {
-    std::cerr << "mapmend simulate: " << e.what() << "\n";
+    std::cerr << "mapmend: simulate: " << e.what() << "\n";
     return 1;
   }
 }

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "libs/bus/process.h"
+#include "libs/command_line/command_line.h"
 #include "procs/submap_store/db_commands.h"
 #include "procs/submap_store/store_adapter.h"
 
@@ -24,18 +25,23 @@ std::unique_ptr<SubmapStore> Open(const SubmapStoreOptions& options) {
 int Main(int argc, char** argv) {
   CLI::App app("Stores the stream of records durably in one SQLite file and answers bag-of-words queries over it.",
                "submap_store");
+  const bool is_tool = ProgramName("submap_store", argc, argv) != "submap_store";  // `mapmend db`: no store is to run
   ProcessOptions process;
   SubmapStoreOptions options;
-  AddProcessOptions(&app, &process);
-  app.add_option("--db", options.path, "database file, made if it does not exist");
-  app.add_option("--vocabulary-hash", options.vocabulary_hash, "accept only sessions of this vocabulary");
-  app.require_subcommand(0, 1);
+  if (is_tool) {
+    app.description("Looks into map databases and works on them");
+    app.require_subcommand(1);
+  } else {
+    AddProcessOptions(&app, &process);
+    app.add_option("--db", options.path, "database file, made if it does not exist");
+    app.add_option("--vocabulary-hash", options.vocabulary_hash, "accept only sessions of this vocabulary");
+    app.require_subcommand(0, 1);
+  }
   AddDbCommands(&app);
-  CLI11_PARSE(app, argc, argv);
+  if (const auto code = ParseCommandLine(&app, argc, argv)) return *code;
   ApplyLogLevel(process);
   if (!app.get_subcommands().empty()) return 0;  // it has run
-  if (options.path.empty())
-    throw std::runtime_error("--db is required (or one of info, check, compact, forget, merge, hash)");
+  if (options.path.empty()) throw UsageError("--db is required (or one of info, check, compact, forget, merge, hash)");
 
   InstallSignalHandlers();
   const auto store = Open(options);

@@ -2,6 +2,7 @@
 
 #include "libs/bus/bus.h"
 #include "libs/bus/process.h"
+#include "libs/command_line/command_line.h"
 #include "procs/viewer_export/exporter.h"
 #include "procs/viewer_export/live_server.h"
 #include "procs/viewer_export/viewer.h"
@@ -27,11 +28,7 @@ int Main(int argc, char** argv) {
   app.add_option("--report", report,
                  "Only make DIR/report.html again from DIR/summary.json and the pictures in DIR, then exit")
       ->type_name("DIR");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e);
-  }
+  if (const auto code = ParseCommandLine(&app, argc, argv)) return *code;
   ApplyLogLevel(process);
   if (!report.empty()) {
     RebuildReport(report);

@@ -1,6 +1,7 @@
 #include "procs/viewer_export/report.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cstdint>
 #include <cstdio>
 #include <ctime>
@@ -49,6 +50,11 @@ std::string Chip(int64_t submap) {
          std::to_string(submap) + "</span>";
 }
 
+std::string Sentence(std::string text) {
+  if (!text.empty()) text[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(text[0])));
+  return text + (text.ends_with(".") ? "" : ".");
+}
+
 std::string PartName(const Json& summary, int64_t component) {
   if (component == 0) return summary["components"].size() == 1 ? "the map" : "main map";
   return "part " + std::to_string(component);
@@ -76,6 +82,10 @@ std::string Banner(const Json& s) {
   }
   if (in > tracked && tracked > 0)
     text += " " + Plural(in - tracked, "frame") + " of " + std::to_string(in) + " could not be tracked.";
+  if (s.contains("problem")) {
+    level = "bad";
+    text += " " + Sentence(s["problem"]);
+  }
   if (!s["final"].get<bool>()) text += " This is not the final map: the merger has not finished.";
   return "<div class=\"banner " + level + "\"><b>" + head + "</b><span>" + EscapeXml(text) + "</span></div>\n";
 }

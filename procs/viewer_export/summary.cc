@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "procs/viewer_export/graph_export.h"
 
@@ -29,13 +31,25 @@ void AddDepthShare(const SnapshotSubmap& submap, const DepthShare& share, Json* 
 
 Json Sessions(const Snapshot& snapshot) {
   Json sessions = Json::array();
-  for (const std::string& id : snapshot.model->SessionOrder()) {
+  std::map<int, int> in_main;  // frames, by session
+  if (!snapshot.components.empty()) {
+    for (const MergedFrame& frame : snapshot.components[0].frames) ++in_main[frame.session];
+  }
+  for (size_t i = 0; i < snapshot.model->SessionOrder().size(); ++i) {
+    const std::string& id = snapshot.model->SessionOrder()[i];
     const Session& session = snapshot.model->GetSession(id);
+    std::set<int> tracked;
+    for (const SnapshotSubmap& submap : snapshot.submaps) {
+      if (submap.session != static_cast<int>(i)) continue;
+      for (const MergedFrame& frame : submap.frames) tracked.insert(frame.frame);
+    }
     sessions.push_back({{"id", id},
                         {"vehicle", session.info.vehicle},
                         {"source", session.info.source},
                         {"start_utime", session.start_utime},
                         {"frames_in", session.num_frames},
+                        {"frames_tracked", tracked.size()},
+                        {"frames_in_main", in_main[static_cast<int>(i)]},
                         {"ended", session.ended}});
   }
   return sessions;

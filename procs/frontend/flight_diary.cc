@@ -1,0 +1,92 @@
+#include "procs/frontend/flight_diary.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+namespace mapmend {
+namespace {
+
+std::string Readable(std::string cause) {
+  std::replace(cause.begin(), cause.end(), '_', ' ');
+  return cause;
+}
+
+}  // namespace
+
+void FlightDiary::OnStart(const std::string& session, const std::string& source, int width, int height) {
+  spdlog::info("frontend: session {}: {}, {} x {} pixels", session, source, width, height);
+  events_->Add("start", {{"session", session}, {"source", source}, {"width", width}, {"height", height}});
+}
+
+void FlightDiary::OnFrame(const Frame& frame, const FrameOutcome& outcome) {
+  if (outcome.state != FrontendState::kTracking) {
+    const std::string cause = outcome.cause.empty() ? "unknown" : outcome.cause;
+    health_->SetCounter("untracked." + cause, ++untracked_[cause]);
+  }
+  const bool is_lost = outcome.state == FrontendState::kLost;
+  const bool goes_on = outcome.submap == submap_ && (is_lost || outcome.state == FrontendState::kTracking);
+  if (phase_ != Phase::kLooking && !goes_on) CloseSubmap(frame);
+  if (phase_ == Phase::kTracking && is_lost) {
+    phase_ = Phase::kLost;
+    loss_cause_ = outcome.cause;
+    health_->SetCounter("lost_frame", frame.index);
+    health_->SetCounter("lost_utime", static_cast<double>(frame.utime));
+    health_->SetCounter("found_frame", -1);
+    spdlog::info("frontend: tracking lost at frame {} ({}): {}", frame.index, FormatUtime(frame.utime),
+                 Readable(outcome.cause));
+    events_->Add("lost", {{"frame", frame.index},
+                          {"utime", frame.utime},
+                          {"submap", submap_.value},
+                          {"reason", outcome.cause},
+                          {"last_frame", last_frame_}});
+  } else if (phase_ == Phase::kLost && outcome.state == FrontendState::kTracking) {
+    phase_ = Phase::kTracking;
+    SetFound(frame.index);
+    spdlog::info("frontend: submap {} found again at frame {} ({})", submap_.value, frame.index,
+                 FormatUtime(frame.utime));
+    events_->Add("found_again", {{"frame", frame.index}, {"utime", frame.utime}, {"submap", submap_.value}});
+  } else if (outcome.submap_begin >= 0) {
+    phase_ = Phase::kTracking;
+    submap_ = outcome.submap;
+    if (any_submap_) SetFound(outcome.submap_begin);
+    any_submap_ = true;
+    spdlog::info("frontend: submap {} begins with frame {}, seen at frame {} ({})", submap_.value, outcome.submap_begin,
+                 frame.index, FormatUtime(frame.utime));
+    events_->Add("submap", {{"frame", frame.index},
+                            {"utime", frame.utime},
+                            {"submap", submap_.value},
+                            {"first_frame", outcome.submap_begin}});
+  }
+  if (phase_ == Phase::kTracking) last_frame_ = frame.index;
+}
+
+void FlightDiary::SetFound(int frame) { health_->SetCounter("found_frame", frame); }
+
+void FlightDiary::CloseSubmap(const Frame& frame) {
+  phase_ = Phase::kLooking;
+  spdlog::info("frontend: submap {} ends with frame {}, given up at frame {} ({}): {}", submap_.value, last_frame_,
+               frame.index, FormatUtime(frame.utime), Readable(loss_cause_));
+  events_->Add("submap_ended", {{"frame", frame.index},
+                                {"utime", frame.utime},
+                                {"submap", submap_.value},
+                                {"reason", loss_cause_},
+                                {"last_frame", last_frame_}});
+  submap_ = SubmapId();
+}
+
+void FlightDiary::OnEnd(int num_frames, int num_tracked, int64_t num_dropped) {
+  nlohmann::ordered_json untracked = nlohmann::ordered_json::object();
+  std::string causes;
+  for (const auto& [cause, count] : untracked_) {
+    untracked[cause] = count;
+    causes +=
+        (causes.empty() ? "; without a pose when they came: " : ", ") + std::to_string(count) + " " + Readable(cause);
+  }
+  spdlog::info("frontend: end: {} frames, {} tracked{}", num_frames, num_tracked, causes);
+  events_->Add("end",
+               {{"frames", num_frames}, {"tracked", num_tracked}, {"dropped", num_dropped}, {"untracked", untracked}});
+}
+
+}  // namespace mapmend

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "libs/bus/event_log.h"
+#include "libs/bus/health.h"
+#include "procs/frontend/frontend.h"
+
+namespace mapmend {
+
+// Tells people what happens to tracking: a line in the log and an event for each loss, each frame found again, each
+// submap; and how many frames had no pose when they came, by cause, in the counters of MAPMEND_HEALTH
+// ("untracked.<cause>"; and "lost_frame", "lost_utime", "found_frame" of the last loss, found_frame -1 while it lasts).
+// It changes nothing of the map.
+class FlightDiary {
+ public:
+  FlightDiary(EventLog* events, HealthReporter* health) : events_(events), health_(health) {}
+
+  void OnStart(const std::string& session, const std::string& source, int width, int height);
+  void OnFrame(const Frame& frame, const FrameOutcome& outcome);
+  void OnEnd(int num_frames, int num_tracked, int64_t num_dropped);
+
+  // Frames without a pose when they came, by FrameOutcome::cause.
+  const std::map<std::string, int>& Untracked() const { return untracked_; }
+
+ private:
+  enum class Phase { kLooking, kTracking, kLost };
+
+  void SetFound(int frame);
+  void CloseSubmap(const Frame& frame);
+
+  EventLog* events_;
+  HealthReporter* health_;
+  Phase phase_ = Phase::kLooking;
+  SubmapId submap_;      // tracked or lost
+  int last_frame_ = -1;  // with a pose
+  std::string loss_cause_;
+  bool any_submap_ = false;
+  std::map<std::string, int> untracked_;
+};
+
+}  // namespace mapmend
