@@ -21,10 +21,16 @@ void FlightDiary::OnStart(const std::string& session, const std::string& source,
 }
 
 void FlightDiary::OnFrame(const Frame& frame, const FrameOutcome& outcome) {
-  if (outcome.state != FrontendState::kTracking) {
-    const std::string cause = outcome.cause.empty() ? "unknown" : outcome.cause;
-    health_->SetCounter("untracked." + cause, ++untracked_[cause]);
+  if (!outcome.abandoned.empty()) {
+    Count(outcome.abandoned, unconfirmed_);
+    unconfirmed_ = 0;
   }
+  if (outcome.state != FrontendState::kTracking) {
+    Count(outcome.cause, 1);
+  } else if (phase_ == Phase::kLooking) {
+    ++unconfirmed_;
+  }
+  if (outcome.submap_begin >= 0) unconfirmed_ = 0;
   const bool is_lost = outcome.state == FrontendState::kLost;
   const bool goes_on = outcome.submap == submap_ && (is_lost || outcome.state == FrontendState::kTracking);
   if (phase_ != Phase::kLooking && !goes_on) CloseSubmap(frame);
@@ -62,6 +68,13 @@ void FlightDiary::OnFrame(const Frame& frame, const FrameOutcome& outcome) {
   if (phase_ == Phase::kTracking) last_frame_ = frame.index;
 }
 
+void FlightDiary::Count(const std::string& cause, int num_frames) {
+  if (num_frames == 0) return;
+  const std::string name = cause.empty() ? "unknown" : cause;
+  untracked_[name] += num_frames;
+  health_->SetCounter("untracked." + name, untracked_[name]);
+}
+
 void FlightDiary::SetFound(int frame) { health_->SetCounter("found_frame", frame); }
 
 void FlightDiary::CloseSubmap(const Frame& frame) {
@@ -77,6 +90,7 @@ void FlightDiary::CloseSubmap(const Frame& frame) {
 }
 
 void FlightDiary::OnEnd(int num_frames, int num_tracked, int64_t num_dropped) {
+  Count("end_of_input", unconfirmed_);
   nlohmann::ordered_json untracked = nlohmann::ordered_json::object();
   std::string causes;
   for (const auto& [cause, count] : untracked_) {

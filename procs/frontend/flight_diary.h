@@ -27,6 +27,7 @@ class FlightDiary {
  private:
   enum class Phase { kLooking, kTracking, kLost };
 
+  void Count(const std::string& cause, int num_frames);
   void SetFound(int frame);
   void CloseSubmap(const Frame& frame);
 
@@ -37,6 +38,7 @@ class FlightDiary {
   int last_frame_ = -1;  // with a pose
   std::string loss_cause_;
   bool any_submap_ = false;
+  int unconfirmed_ = 0;  // frames with a pose in a submap that is not believed yet
   std::map<std::string, int> untracked_;
 };
 

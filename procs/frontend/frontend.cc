@@ -14,6 +14,8 @@ namespace {
 constexpr double kMaxTimeRatio = 2.5;  // the motion model does not reach over longer gaps
 constexpr double kDark = 12;           // mean grey level
 constexpr double kBlurred = 0.4;       // sharpness, of the last good frame's
+constexpr double kUnsharp = 3;         // sharpness below which an image that starts no map is called blurred
+constexpr int kSmallImage = 200;       // pixels: poses from narrower images are too uncertain to be believed
 constexpr double kGap = 5;             // time since the last frame, of the usual time between frames
 
 // cam_from_submap after time_ratio times the motion from before to last.
@@ -250,9 +252,11 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
   ++lost_frames_;
   lost_.push_back(frame);
   if (!confirmed_) {
+    const std::string cause = camera_.width < kSmallImage ? "small_images" : outcome.cause;
     AbandonSubmap();
     outcome = Initialise(frame);
-    if (outcome.cause == "no_common_motion" || outcome.cause == "too_few_matches") outcome.cause = "not_confirmed";
+    outcome.abandoned = cause;
+    if (!outcome.cause.empty()) outcome.cause = cause;
     return outcome;
   }
   if (lost_frames_ == 1) initializer_.Clear();
@@ -269,7 +273,9 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
 // What is wrong with the image itself comes before what is wrong between images.
 std::string Frontend::InitialCause(const Frame& frame, const Initialization& initialization) const {
   if (frame.mean_brightness < kDark) return "darkness";
+  if (camera_.width < kSmallImage) return "small_images";
   if (static_cast<int>(frame.features.Size()) < options_.initializer.min_matches) return "too_few_features";
+  if (frame.sharpness < kUnsharp) return "blur";
   return initialization.cause;
 }
 

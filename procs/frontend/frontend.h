@@ -44,10 +44,11 @@ struct FrameOutcome {
   FrontendState state = FrontendState::kInitialising;
   std::string method;  // how tracking succeeded
   std::string reason;  // or why not
-  // Why not, in the words of a diagnosis: darkness, blur, input_gap, too_few_features, too_few_matches,
-  // no_common_motion, no_motion, no_parallax, ambiguous, not_confirmed (a submap was begun that the next frames did not
-  // fit), too_few_inliers, unsupported_pose, inconsistent_motion.
+  // Why not, in the words of a diagnosis: darkness, blur, small_images, input_gap, too_few_features, too_few_matches,
+  // no_common_motion, no_motion, no_parallax, ambiguous, not_confirmed (no map came of two frames that fit),
+  // too_few_inliers, unsupported_pose, inconsistent_motion.
   std::string cause;
+  std::string abandoned;  // with this frame a submap that was begun and not believed yet is given up: the cause
   int num_inliers = 0;
   bool keyframe = false;
   SubmapId submap;

@@ -245,8 +245,9 @@ int RunFrontend(const RunOptions& options) {
     const FrameOutcome outcome = frontend.ProcessFrame(frame);
     track_ms.push_back(1e3 * outcome.tracking_s);
     bus.Publish(channels::kFramePose, ToMessage(session, *frame, outcome));
-    spdlog::debug("frame {}: {} {} {} inliers{}", frame->index, outcome.method, outcome.reason, outcome.num_inliers,
-                  outcome.keyframe ? ", keyframe" : "");
+    spdlog::debug("frame {}: {} {} {} inliers{}; {} features, brightness {:.0f}, sharpness {:.1f}", frame->index,
+                  outcome.method, outcome.cause, outcome.num_inliers, outcome.keyframe ? ", keyframe" : "",
+                  frame->features.Size(), frame->mean_brightness, frame->sharpness);
     diary.OnFrame(*frame, outcome);
     report();
     health.Tick();

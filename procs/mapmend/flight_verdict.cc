@@ -37,6 +37,9 @@ std::string Family(const std::string& cause) {
 CauseInWords ExplainCause(const std::string& cause) {
   const std::string family = Family(cause);
   if (family == "darkness") return {"the images are too dark", "more light, a longer exposure, a higher gain"};
+  if (family == "small_images")
+    return {"the images are too small (less than 200 pixels wide)", "the images in full size"};
+  if (family == "end_of_input") return {"the flight ends before a map could begin", "a longer flight"};
   if (family == "blur") return {"the images are blurred", "a shorter exposure, a slower flight, another focus"};
   if (family == "input_gap") return {"images are missing in between", "a recording without gaps"};
   if (family == "too_few_features")

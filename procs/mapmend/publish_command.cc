@@ -137,7 +137,9 @@ void AddPublishCommand(CLI::App* app) {
   sub->add_option("--lcm-url", options->lcm_url, "LCM network (default: $LCM_DEFAULT_URL, else tcpq://127.0.0.1:7700)");
   sub->add_option("--channel-prefix", options->channel_prefix,
                   "put before every channel name, so that runs can share a bus");
-  sub->footer("Exit codes: 0 done; 1 an error, told in one line; 3 INPUT ends early; 130 interrupted.");
+  sub->footer(
+      "Exit codes: 0 done; 1 an error, told in one line; 2 a mistake in the command line; 3 INPUT ends early; 130 "
+      "interrupted.");
   sub->callback([options] {
     const int code = Publish(*options);
     if (code != 0) throw CLI::RuntimeError(code);

@@ -137,9 +137,8 @@ void AddReplayCommand(CLI::App* app) {
   sub->add_option("--port", options->port, "of the live page, 0: none")->capture_default_str();
   AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
   sub->footer(
-      "Exit codes: 0 done; 1 an error, told in one line; 3 the recording is not complete (what it holds is mapped); "
-      "130\n"
-      "interrupted.");
+      "Exit codes: 0 done; 1 an error, told in one line; 2 a mistake in the command line; 3 the recording is not "
+      "complete\n(what it holds is mapped); 130 interrupted.");
   sub->callback([options] {
     options->lcm_url = UrlFromOptionOrEnvironment(options->lcm_url);
     const int code = Replay(*options);

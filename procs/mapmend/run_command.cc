@@ -61,9 +61,10 @@ void AddRunCommand(CLI::App* app) {
                   "id of this flight in the map, a UUID (default: made from input and options; new with --append)");
   AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
   sub->footer(
-      "Exit codes: 0 done; 1 an error, told in one line; 3 INPUT ends early (what could be read is mapped); 130 "
-      "interrupted\n"
-      "(map.db holds what was mapped so far). With --live the first Ctrl-C ends the flight: the map is finished.");
+      "Exit codes: 0 done; 1 an error, told in one line; 2 a mistake in the command line; 3 INPUT ends early or is\n"
+      "damaged (what could be read is mapped); 4 mapped, but the main map holds less than half of the flight (the last "
+      "line\nsays why and what to try); 130 interrupted (map.db holds what was mapped so far). With --live the first "
+      "Ctrl-C\nends the flight: the map is finished.");
   sub->callback([options, lockstep] {
     options->lcm_url = UrlFromOptionOrEnvironment(options->lcm_url);
     // A camera cannot know the port of a private hub.

@@ -111,7 +111,7 @@ TEST_F(RunErrorsTest, MalformedSkipFrames) {
 
 TEST_F(RunErrorsTest, DatabaseOfAnEarlierRunAndOfAnotherVocabulary) {
   // A few frames are enough to make a database.
-  ASSERT_EQ(Run({"--skip-frames", "3-171"}).exit_code, 0);
+  ASSERT_EQ(Run({"--skip-frames", "3-171"}).exit_code, 4);
   const std::string out = folder_ / "out";
   ExpectError(Run({}), out +
                            " already holds a map.db: give another --out, --overwrite to replace it, or --append to map "

@@ -71,9 +71,9 @@ TEST(DescribeSmallMap, AVideoOfTwoFramesIsTooShort) {
 }
 
 TEST(DescribeSmallMap, EveryCauseOfTheFrontendHasWordsAndAdvice) {
-  for (const char* cause :
-       {"darkness", "blur", "input_gap", "too_few_features", "too_few_matches", "no_common_motion", "no_motion",
-        "no_parallax", "ambiguous", "not_confirmed", "too_few_inliers", "unsupported_pose", "inconsistent_motion"}) {
+  for (const char* cause : {"darkness", "blur", "small_images", "end_of_input", "input_gap", "too_few_features",
+                            "too_few_matches", "no_common_motion", "no_motion", "no_parallax", "ambiguous",
+                            "not_confirmed", "too_few_inliers", "unsupported_pose", "inconsistent_motion"}) {
     EXPECT_NE(ExplainCause(cause).why, cause);
     EXPECT_NE(ExplainCause(cause).advice, "") << cause;
   }
