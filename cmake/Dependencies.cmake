@@ -19,6 +19,10 @@ set_target_properties(re2::re2 PROPERTIES
   IMPORTED_LOCATION ${RE2_LIBRARY}
   INTERFACE_INCLUDE_DIRECTORIES ${RE2_INCLUDE_DIR})
 
+# Of systemd only the notices to a service manager.
+find_path(SYSTEMD_INCLUDE_DIR systemd/sd-daemon.h REQUIRED)
+find_library(SYSTEMD_LIBRARY systemd REQUIRED)
+
 # GeographicLib ships its find module outside CMake's own path.
 list(APPEND CMAKE_MODULE_PATH /usr/share/cmake/geographiclib)
 find_package(GeographicLib REQUIRED)

@@ -41,7 +41,7 @@ ProcessUsage ReadProcessUsage() {
   return usage;
 }
 
-HealthReporter::HealthReporter(Bus* bus, const std::string& process) : bus_(bus), process_(process) {}
+HealthReporter::HealthReporter(Bus* bus, const std::string& process) : buses_{bus}, process_(process) {}
 
 void HealthReporter::SetState(const std::string& state, const std::string& message) {
   if (state == state_ && message == message_) return;
@@ -88,7 +88,7 @@ void HealthReporter::PublishNow() {
     health.counters.push_back(counter);
   }
   health.num_counters = static_cast<int32_t>(health.counters.size());
-  bus_->Publish(channels::kHealth, health);
+  for (Bus* bus : buses_) bus->Publish(channels::kHealth, health);
 }
 
 }  // namespace mapmend

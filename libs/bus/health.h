@@ -13,6 +13,8 @@ namespace mapmend {
 class HealthReporter {
  public:
   HealthReporter(Bus* bus, const std::string& process);
+  // Publishes on this bus as well. It must outlive the reporter.
+  void AlsoTo(Bus* bus) { buses_.push_back(bus); }
 
   // state: starting, ready, busy, done, error
   void SetState(const std::string& state, const std::string& message = "");
@@ -23,7 +25,7 @@ class HealthReporter {
 
  private:
   void PublishNow();
-  Bus* bus_;
+  std::vector<Bus*> buses_;
   std::string process_, state_ = "starting", message_;
   std::map<std::string, double> counters_;
   std::map<std::string, int64_t> cursors_;

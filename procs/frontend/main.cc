@@ -44,6 +44,8 @@ int main(int argc, char** argv) {
   app.add_option("--profile", options.profile_path,
                  "write the time of each stage per frame to this JSON file, and print it");
   app.add_option("--events", options.events_path, "file that gets a JSON line for each loss and each submap");
+  app.add_option("--local-url", options.local_url,
+                 "LCM network on board, if --lcm-url is that of a station: images come over it, health goes to both");
   app.add_option("--seed", options.seed, "of all random sampling")->capture_default_str();
   app.add_option("--session", options.session, "name of the session (UUID); else made from input, options and seed");
   app.add_option("--outbox", options.outbox_path, "file that keeps what the store has not acknowledged");

@@ -59,8 +59,9 @@ class Input {
  public:
   Input(const RunOptions& options, const Camera& camera, const std::set<int>& skip) {
     if (options.mode == InputMode::kLive) {
-      live_ = std::make_unique<LiveImages>(ResolveLcmUrl(options.process.lcm_url), options.process.channel_prefix,
-                                           camera.width, camera.height, options.max_waiting);
+      live_ = std::make_unique<LiveImages>(
+          options.local_url.empty() ? ResolveLcmUrl(options.process.lcm_url) : options.local_url,
+          options.process.channel_prefix, camera.width, camera.height, options.max_waiting);
       return;
     }
     file_ = std::make_unique<ImageSource>(options.input, options.times_path, camera.fps, skip);
@@ -186,7 +187,10 @@ int RunFrontend(const RunOptions& options) {
                                                        : SessionForFile(options);
 
   Bus bus(ResolveLcmUrl(options.process.lcm_url), options.process.channel_prefix);
+  std::unique_ptr<Bus> local_bus;
+  if (!options.local_url.empty()) local_bus = std::make_unique<Bus>(options.local_url, options.process.channel_prefix);
   HealthReporter health(&bus, "frontend");
+  if (local_bus) health.AlsoTo(local_bus.get());
   StreamSenderOptions sender_options;
   sender_options.outbox_path = options.outbox_path;
   StreamSender sender(&bus, session, sender_options);

@@ -19,6 +19,9 @@ struct RunOptions {
   int max_dimension = 0;  // pixels; larger images are scaled down; 0: never
   uint64_t seed = 1;
   std::string events_path;   // file that gets a JSON line for each loss, submap, end; empty: none
+  // A second LCM network, on board: live images come over it, and health goes to it as well; empty: there is none. The
+  // stream goes over process.lcm_url alone.
+  std::string local_url;
   std::string profile_path;  // JSON file for the time of each stage; empty: none
   InputMode mode = InputMode::kLockstep;
   double speed = 1;     // kRealtime: times as fast as the images were taken

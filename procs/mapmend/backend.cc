@@ -43,11 +43,13 @@ Backend::Backend(const BackendOptions& options)
     : options_(options),
       redirection_(std::make_unique<StderrRedirection>(options.out + "/logs/mapmend.log")),
       supervisor_(MakeSupervisorOptions(options)) {
-  const BusPlan plan = PlanBus(options_.lcm_url);
+  BusPlan plan = PlanBus(options_.lcm_url);
+  if (!options_.hub_bind.empty()) plan.hub_bind = options_.hub_bind;
   url_ = plan.url;
   if (plan.start_hub) StartHub(plan.hub_port, plan.hub_bind);
   bus_ = std::make_unique<Bus>(url_, options_.channel_prefix);
   monitor_ = std::make_unique<HealthMonitor>(bus_.get());
+  if (!options_.with_store) return;
   if (!plan.start_hub) RefuseSharedStore();
 
   const std::string db = options_.db.empty() ? options_.out + "/map.db" : options_.db;

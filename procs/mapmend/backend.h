@@ -28,7 +28,8 @@ struct BackendOptions {
   std::string log_level = "info";
   std::optional<int> seed;
   int port = 0;  // of the live page, 0: none
-  bool with_merger = true, with_viewer = true;
+  bool with_store = true, with_merger = true, with_viewer = true;
+  std::string hub_bind;  // address that a hub of our own listens on; empty: as lcm_url says
   int ready_timeout_ms = 60000;
   int silent_timeout_ms = 300000;  // a process whose health is silent for so long has hung
 };

@@ -9,6 +9,8 @@
 // line and exits with 1) or CLI::RuntimeError(code) to end with that exit code, having said why itself.
 namespace mapmend {
 
+struct RunOptions;
+
 void AddEvalCommand(CLI::App* app);
 void AddEdgesCommand(CLI::App* app);
 void AddExportCommand(CLI::App* app);
@@ -23,6 +25,11 @@ void AddDoctorCommand(CLI::App* app);
 void AddVocabCommand(CLI::App* app);
 void AddVocabRecallCommand(CLI::App* vocab);  // part of AddVocabCommand
 void AddHubCommand(CLI::App* app);
+void AddStationCommand(CLI::App* app);
+void AddFlyCommand(CLI::App* app);
+
+// The options that say what is flown and how it is tracked, INPUT included; in run_command.cc.
+void AddFlightOptions(CLI::App* sub, RunOptions* options);
 
 // One `mapmend NAME ARGUMENTS...` that is another program, or a subcommand of one: executes it with the arguments as
 // they are.

@@ -13,6 +13,8 @@ int main(int argc, char** argv) {
   app.require_subcommand(0, 1);
   app.footer("`mapmend COMMAND --help` tells more.");
   mapmend::AddRunCommand(&app);
+  mapmend::AddStationCommand(&app);
+  mapmend::AddFlyCommand(&app);
   mapmend::AddReplayCommand(&app);
   mapmend::AddPublishCommand(&app);
   mapmend::AddStatusCommand(&app);

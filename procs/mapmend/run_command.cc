@@ -7,9 +7,7 @@
 
 namespace mapmend {
 
-void AddRunCommand(CLI::App* app) {
-  CLI::App* sub = app->add_subcommand("run", "Map one flight: a video or a folder of images becomes one merged map");
-  const auto options = std::make_shared<RunOptions>();
+void AddFlightOptions(CLI::App* sub, RunOptions* options) {
   sub->add_option("INPUT", options->input,
                   "video file, or folder of images taken in the order of their names; none with --live");
   sub->add_option("--camera", options->camera,
@@ -17,11 +15,7 @@ void AddRunCommand(CLI::App* app) {
   sub->add_option(
       "--times", options->times,
       "one time in seconds per line and frame (default: times.txt beside INPUT, else the video's own times)");
-  sub->add_option("--out", options->out, "folder of the results (default: ./mapmend-<name of INPUT>)");
-  sub->add_flag("--overwrite", options->overwrite, "replace the results of an earlier run in --out");
-  sub->add_flag("--append", options->append, "map this flight into the map that is already in --out");
   sub->add_option("--vocabulary", options->vocabulary, "mapmend's format or DBoW2 text (default: mapmend's own)");
-  sub->add_option("--groundtruth", options->groundtruth, "TUM file; the report then tells the accuracy");
   sub->add_option("--skip-frames", options->skip_frames,
                   "frames to leave out, to simulate interruptions, e.g. 80-120,200-240");
   sub->add_option("--features", options->features, "features per frame (default: the frontend's)");
@@ -35,10 +29,10 @@ void AddRunCommand(CLI::App* app) {
          "further frames in which a lost submap may be found again, unless a new one begins before (default: 10)")
       ->check(CLI::Range(0, 100000));
   sub->add_option("--seed", options->seed, "of everything random; the same seed gives the same map");
-  sub->add_option("--record", options->record, "folder: lcm-logger writes mapmend.lcmlog there, for `mapmend replay`");
   const auto lockstep = std::make_shared<bool>(false);
   auto* lockstep_flag = sub->add_flag(
-      "--lockstep", *lockstep, "every frame of INPUT, however long it takes: the same map each time (the default)");
+      "--lockstep", [lockstep](int64_t) { *lockstep = true; },
+      "every frame of INPUT, however long it takes: the same map each time (the default)");
   auto* realtime_flag = sub->add_flag(
       "--realtime", options->realtime,
       "play INPUT at the pace of its times; frames that come while tracking is busy are dropped, and counted");
@@ -53,19 +47,30 @@ void AddRunCommand(CLI::App* app) {
   sub->add_option("--max-waiting", options->max_waiting,
                   "with --realtime or --live: frames that may wait before the oldest is dropped (default: 3)")
       ->check(CLI::Range(1, 1000));
+  sub->add_option("--session", options->session,
+                  "id of this flight in the map, a UUID (default: made from input and options; new with --append)");
+}
+
+void AddRunCommand(CLI::App* app) {
+  CLI::App* sub = app->add_subcommand("run", "Map one flight: a video or a folder of images becomes one merged map");
+  const auto options = std::make_shared<RunOptions>();
+  AddFlightOptions(sub, options.get());
+  sub->add_option("--out", options->out, "folder of the results (default: ./mapmend-<name of INPUT>)");
+  sub->add_flag("--overwrite", options->overwrite, "replace the results of an earlier run in --out");
+  sub->add_flag("--append", options->append, "map this flight into the map that is already in --out");
+  sub->add_option("--groundtruth", options->groundtruth, "TUM file; the report then tells the accuracy");
+  sub->add_option("--record", options->record, "folder: lcm-logger writes mapmend.lcmlog there, for `mapmend replay`");
   sub->add_flag("--profile", options->profile,
                 "print the frontend's time per frame for each stage; also in summary.json and the report");
   sub->add_option("--port", options->port, "of the live page, 0: none (default: a free one from 8080 on)");
   sub->add_option("--vehicle", options->vehicle, "name of the camera's carrier, for the report");
-  sub->add_option("--session", options->session,
-                  "id of this flight in the map, a UUID (default: made from input and options; new with --append)");
   AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
   sub->footer(
       "Exit codes: 0 done; 1 an error, told in one line; 2 a mistake in the command line; 3 INPUT ends early or is\n"
       "damaged (what could be read is mapped); 4 mapped, but the main map holds less than half of the flight (the last "
       "line\nsays why and what to try); 130 interrupted (map.db holds what was mapped so far). With --live the first "
       "Ctrl-C\nends the flight: the map is finished.");
-  sub->callback([options, lockstep] {
+  sub->callback([options] {
     options->lcm_url = UrlFromOptionOrEnvironment(options->lcm_url);
     // A camera cannot know the port of a private hub.
     if (options->live && options->lcm_url.empty()) options->lcm_url = ResolveLcmUrl("");

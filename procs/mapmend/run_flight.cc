@@ -16,6 +16,7 @@
 #include "libs/mapping/session_id.h"
 #include "procs/mapmend/backend.h"
 #include "procs/mapmend/finish_run.h"
+#include "procs/mapmend/frontend_arguments.h"
 #include "procs/mapmend/out_folder.h"
 #include "procs/mapmend/paths.h"
 #include "procs/mapmend/progress.h"
@@ -43,42 +44,6 @@ std::string SessionOf(const RunOptions& options) {
   }
   if (options.realtime) text += "|realtime";
   return SessionIdFromText(text);
-}
-
-std::string ProfilePath(const RunOptions& options) { return options.out + "/logs/profile.json"; }
-
-std::vector<std::string> FrontendArguments(const RunOptions& options, const std::string& session) {
-  std::vector<std::string> argv = {FindProgram("frontend"),
-                                   "--camera",
-                                   options.camera,
-                                   "--vocabulary",
-                                   options.vocabulary,
-                                   "--session",
-                                   session,
-                                   "--outbox",
-                                   options.out + "/outbox",
-                                   "--events",
-                                   options.out + "/events.jsonl"};
-  argv.push_back(options.live ? "--live" : options.input);
-  if (options.realtime) argv.push_back("--realtime");
-  const auto add = [&](const char* name, const std::string& value) {
-    if (!value.empty()) argv.insert(argv.end(), {name, value});
-  };
-  const auto add_number = [&](const char* name, const std::optional<int>& value) {
-    if (value) argv.insert(argv.end(), {name, std::to_string(*value)});
-  };
-  add("--times", options.times);
-  add("--skip-frames", options.skip_frames);
-  add("--vehicle", options.vehicle);
-  if (options.profile) add("--profile", ProfilePath(options));
-  if (options.speed) add("--speed", std::to_string(*options.speed));
-  add_number("--max-waiting", options.max_waiting);
-  add_number("--seed", options.seed);
-  add_number("--features", options.features);
-  add_number("--max-dimension", options.max_dimension);
-  add_number("--lost-frames", options.lost_frames);
-  add_number("--relocalisation-frames", options.relocalisation_frames);
-  return argv;
 }
 
 std::string DescribeProgress(const Backend& backend, int num_frames) {

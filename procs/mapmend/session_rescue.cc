@@ -4,10 +4,14 @@
 
 #include <chrono>
 #include <filesystem>
+#include <mapmend/cursor_t.hpp>
+#include <mapmend/fetch_t.hpp>
+#include <mapmend/fetched_t.hpp>
+#include <mapmend/session_closed_t.hpp>
+#include <stdexcept>
 
 #include "libs/bus/store_client.h"
 #include "libs/bus/stream_sender.h"
-#include "mapmend/session_closed_t.hpp"
 
 namespace mapmend {
 
@@ -24,6 +28,15 @@ std::optional<int64_t> RescueSession(Backend* backend, const std::string& sessio
     backend->Tick(200);
   }
   return std::nullopt;
+}
+
+std::vector<StoredSession> ListSessions(Bus* bus) {
+  StoreClient client(bus, "launcher-" + std::to_string(getpid()));
+  const auto reply = client.Fetch(fetch_t{});
+  if (!reply) throw std::runtime_error("the store does not answer");
+  std::vector<StoredSession> sessions;
+  for (const cursor_t& cursor : reply->sessions) sessions.push_back({cursor.session, cursor.seq});
+  return sessions;
 }
 
 }  // namespace mapmend

@@ -164,17 +164,27 @@ std::string WhyApart(const Json& s) {
   return html + "</ul>\n";
 }
 
+// Who saw a submap, by the name of the vehicle; by what it flew if it has none.
+std::string FlightName(const Json& s, const Json& session_id) {
+  for (const Json& session : s["sessions"]) {
+    if (session["id"] != session_id) continue;
+    return Escaped(session["vehicle"].get<std::string>().empty() ? session["source"] : session["vehicle"]);
+  }
+  return "";
+}
+
 std::string SubmapTable(const Json& s) {
-  const bool errors = s.contains("groundtruth");
-  std::string html =
-      "<h2>Submaps</h2>\n<div class=\"scroll\"><table>\n<tr><th>Submap</th><th class=\"left\">Belongs to</th><th>First "
-      "frame</th><th>Last frame</th>"
-      "<th>Frames</th><th>Keyframes</th><th>Points</th><th>Scale in the map</th>" +
-      std::string(errors ? "<th>Error RMSE</th><th>Error max</th><th>Max of depth</th>" : "") +
-      "<th class=\"text\">Ended because</th></tr>\n";
+  const bool errors = s.contains("groundtruth"), flights = s["sessions"].size() > 1;
+  std::string html = "<h2>Submaps</h2>\n<div class=\"scroll\"><table>\n<tr><th>Submap</th>" +
+                     std::string(flights ? "<th class=\"left\">Seen by</th>" : "") +
+                     "<th class=\"left\">Belongs to</th><th>First frame</th><th>Last frame</th>"
+                     "<th>Frames</th><th>Keyframes</th><th>Points</th><th>Scale in the map</th>" +
+                     std::string(errors ? "<th>Error RMSE</th><th>Error max</th><th>Max of depth</th>" : "") +
+                     "<th class=\"text\">Ended because</th></tr>\n";
   for (const Json& m : s["submaps"]) {
-    html += "<tr><td>" + Chip(m["id"]) + "</td><td class=\"left\">" + PartName(s, m["component"]) +
-            (m["is_root"].get<bool>() ? " (root)" : "") + "</td>";
+    html += "<tr><td>" + Chip(m["id"]) + "</td>" +
+            (flights ? "<td class=\"left\">" + FlightName(s, m["session"]) + "</td>" : "") + "<td class=\"left\">" +
+            PartName(s, m["component"]) + (m["is_root"].get<bool>() ? " (root)" : "") + "</td>";
     const bool any = m["frames"].get<int64_t>() > 0;
     html += "<td>" + (any ? Int(m["first_frame"]) : "–") + "</td><td>" + (any ? Int(m["last_frame"]) : "–") + "</td>";
     for (const char* key : {"frames", "keyframes", "points"}) html += "<td>" + Int(m[key]) + "</td>";

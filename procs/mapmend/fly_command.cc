@@ -1,0 +1,153 @@
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <stdexcept>
+
+#include "libs/bus/process.h"
+#include "libs/bus/stop_request.h"
+#include "libs/geometry/write_file.h"
+#include "libs/mapping/session_id.h"
+#include "procs/mapmend/backend.h"
+#include "procs/mapmend/bus_plan.h"
+#include "procs/mapmend/commands.h"
+#include "procs/mapmend/frontend_arguments.h"
+#include "procs/mapmend/out_folder.h"
+#include "procs/mapmend/progress.h"
+#include "procs/mapmend/run_flight.h"
+#include "procs/mapmend/run_options.h"
+#include "procs/mapmend/service_notice.h"
+#include "procs/mapmend/undelivered.h"
+
+namespace mapmend {
+namespace {
+
+// "HOST", "HOST:PORT" or an LCM URL.
+std::string StationUrl(const std::string& station) {
+  if (station.find("://") != std::string::npos) return station;
+  return "tcpq://" + station + (station.find(':') == std::string::npos ? ":7700" : "");
+}
+
+std::string Describe(const HealthMonitor::Entry* frontend, int num_frames, int num_older) {
+  const auto number = [&](const char* name) { return static_cast<long long>(CounterOr(frontend, name, 0)); };
+  char text[200];
+  std::snprintf(text, sizeof(text), "%lld%s frames  %lld tracked  %lld submaps  %d records wait for the station",
+                number("frames"), num_frames > 0 ? ("/" + std::to_string(num_frames)).c_str() : "", number("tracked"),
+                number("submaps"), frontend == nullptr ? 0 : frontend->queue_depth);
+  std::string result = text;
+  if (num_older > 0) result += "  " + std::to_string(num_older) + " earlier flights to deliver";
+  return result;
+}
+
+// What is on board: the frontend, its outbox, and a hub of its own for the camera and the frontend's health, so that
+// both are there without the station.
+class Flight {
+ public:
+  Flight(const RunInputs& inputs, const std::string& station)
+      : inputs_(inputs), options_(inputs.options), station_url_(StationUrl(station)) {}
+
+  int Run() {
+    InstallSignalHandlers();
+    const OutFolder folder(options_.out, false, true);
+    for (const std::string& note : inputs_.notes) progress_.Say(note);
+    try {
+      BackendOptions on_board;
+      on_board.out = options_.out;
+      on_board.lcm_url = options_.lcm_url;
+      on_board.channel_prefix = options_.channel_prefix;
+      on_board.with_store = false;
+      Backend backend(on_board);
+      WriteFile(options_.out + "/logs/lcm-url", backend.Url() + "\n");
+      Undelivered older(options_.out, station_url_, options_.channel_prefix);
+      progress_.Say((options_.live ? "the camera on " + backend.Url() : options_.input) + " to the station at " +
+                    station_url_ + "; what it has not had waits in " + options_.out);
+      const bool is_delivered = Fly(&backend, older);
+      while (is_delivered && older.NumWaiting() > 0) {
+        progress_.Show(std::to_string(older.NumWaiting()) +
+                       " earlier flights to deliver; Ctrl-C leaves them for later");
+        notice_.Alive("delivering earlier flights");
+        backend.Tick(100);
+      }
+      backend.StopAll();
+      return exit_code_;
+    } catch (const Interrupted&) {
+      progress_.Say("interrupted; `mapmend fly` with the same --out delivers what " + options_.out + " still holds");
+      return kExitInterrupted;
+    }
+  }
+
+ private:
+  // True if the station has had all of the flight.
+  bool Fly(Backend* backend, const Undelivered& older) {
+    const std::string session = options_.session.empty() ? NewSessionId() : options_.session;
+    std::vector<std::string> argv = FrontendArguments(options_, session);
+    argv.insert(argv.end(),
+                {"--lcm-url", station_url_, "--local-url", backend->Url(), "--log-level", options_.log_level});
+    if (!options_.channel_prefix.empty()) argv.insert(argv.end(), {"--channel-prefix", options_.channel_prefix});
+    backend->supervisor()->Start({"frontend", argv, OnExit::kReport});
+    notice_.Ready();
+    bool may_land = options_.live;
+    while (!backend->supervisor()->Status("frontend")) {
+      const std::string state = Describe(backend->Health("frontend"), inputs_.num_frames, older.NumWaiting());
+      progress_.Show(state);
+      notice_.Alive(state);
+      try {
+        backend->Tick(50);
+      } catch (const Interrupted&) {
+        const pid_t frontend = backend->supervisor()->Pid("frontend");
+        if (!may_land || frontend <= 0) throw;
+        may_land = false;
+        WithdrawStopRequest();
+        kill(frontend, SIGINT);
+      }
+    }
+    const ExitStatus status = *backend->supervisor()->Status("frontend");
+    if (status.Success() || (status.signal == 0 && status.code == kExitInputCutShort)) {
+      std::error_code ignored;
+      std::filesystem::remove(options_.out + "/outbox", ignored);
+      progress_.Say("the station has the whole flight");
+      exit_code_ = status.code;
+      return true;
+    }
+    std::string complaint = backend->supervisor()->ErrorLine("frontend");
+    if (complaint.empty() || status.signal != 0) complaint = "frontend ended with " + status.Describe();
+    std::fprintf(stderr, "mapmend: %s\n", complaint.c_str());
+    exit_code_ = 1;
+    return false;
+  }
+
+  const RunInputs inputs_;
+  const RunOptions& options_ = inputs_.options;
+  const std::string station_url_;
+  Progress progress_;
+  ServiceNotice notice_;
+  int exit_code_ = 0;
+};
+
+}  // namespace
+
+void AddFlyCommand(CLI::App* app) {
+  CLI::App* sub = app->add_subcommand("fly", "On board: track one camera for a `mapmend station` on the ground");
+  const auto options = std::make_shared<RunOptions>();
+  const auto station = std::make_shared<std::string>();
+  options->out = "mapmend-fly";
+  AddFlightOptions(sub, options.get());
+  sub->add_option("--station", *station, "HOST or HOST:PORT of `mapmend station`")->required();
+  sub->add_option("--vehicle", options->vehicle, "name of this vehicle, for the report")->required();
+  sub->add_option("--out", options->out, "folder that keeps what the station has not had yet")->capture_default_str();
+  AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
+  sub->get_option("--lcm-url")
+      ->description(
+          "LCM network on board, of the camera with --live (default: tcpq://127.0.0.1:7700 with --live, else a private "
+          "hub)");
+  sub->footer(
+      "Tracking never waits for the station. What it has not had is kept in --out; `mapmend fly` with the same --out\n"
+      "delivers it. Exit codes as of `mapmend run`; 0: the station has the whole flight.");
+  sub->callback([options, station] {
+    if (options->live && options->lcm_url.empty()) options->lcm_url = "tcpq://127.0.0.1:7700";
+    if (const int code = Flight(CheckRunInputs(*options), *station).Run(); code != 0) throw CLI::RuntimeError(code);
+  });
+}
+
+}  // namespace mapmend

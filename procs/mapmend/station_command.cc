@@ -1,0 +1,250 @@
+#include <ifaddrs.h>
+#include <netdb.h>
+
+#include <chrono>
+#include <filesystem>
+#include <map>
+#include <mapmend/session_t.hpp>
+#include <mapmend/submap_t.hpp>
+#include <memory>
+#include <set>
+#include <stdexcept>
+
+#include "libs/bus/channels.h"
+#include "libs/bus/process.h"
+#include "libs/bus/stop_request.h"
+#include "libs/geometry/write_file.h"
+#include "libs/retrieval/vocabulary.h"
+#include "procs/mapmend/backend.h"
+#include "procs/mapmend/commands.h"
+#include "procs/mapmend/finish_run.h"
+#include "procs/mapmend/out_folder.h"
+#include "procs/mapmend/paths.h"
+#include "procs/mapmend/progress.h"
+#include "procs/mapmend/run_flight.h"
+#include "procs/mapmend/service_notice.h"
+#include "procs/mapmend/session_rescue.h"
+
+namespace mapmend {
+namespace {
+
+struct StationOptions {
+  std::string out = "mapmend-station", vocabulary, bind = "127.0.0.1", channel_prefix, log_level = "info";
+  int port = 7700;
+  std::optional<int> page_port, seed;
+};
+
+// What the vehicles do, told in lines as their records come by: which flight began, lost tracking, ended.
+class FlightBook {
+ public:
+  FlightBook(Bus* bus, Progress* progress) : progress_(progress) {
+    bus->Subscribe<session_t>(channels::kSession, Delivery::kKeepAll,
+                              [this](const session_t& message) { OnSession(message); });
+    bus->Subscribe<submap_t>(channels::kSubmap, Delivery::kKeepAll,
+                             [this](const submap_t& message) { OnSubmap(message); });
+  }
+
+  int NumOpen() const {
+    int open = 0;
+    for (const auto& [session, flight] : flights_) open += !flight.ended;
+    return open;
+  }
+
+ private:
+  struct Flight {
+    std::string name;
+    bool ended = false;
+    std::set<int64_t> told;  // records are sent again until they are acknowledged
+  };
+
+  Flight* Find(const record_header_t& header) {
+    const auto it = flights_.find(header.session);
+    return it != flights_.end() && it->second.told.insert(header.seq).second ? &it->second : nullptr;
+  }
+
+  void OnSession(const session_t& message) {
+    if (message.event == session_t::STARTED) {
+      const std::string id = message.header.session.substr(0, 8);
+      const std::string name = message.vehicle.empty() ? "flight " + id : message.vehicle + " (" + id + ")";
+      if (flights_.try_emplace(message.header.session, Flight{name, false, {}}).second)
+        progress_->Say(name + ": flies " + message.source);
+    } else if (Flight* flight = Find(message.header)) {
+      flight->ended = true;
+      progress_->Say(flight->name + ": has ended after " + std::to_string(message.num_frames) + " frames");
+    }
+  }
+
+  void OnSubmap(const submap_t& message) {
+    if (message.event != submap_t::ENDED) return;
+    if (Flight* flight = Find(message.header)) {
+      progress_->Say(flight->name + ": submap " + std::to_string(message.submap) + " ends at frame " +
+                     std::to_string(message.last_frame) + ": " + message.reason);
+    }
+  }
+
+  Progress* progress_;
+  std::map<std::string, Flight> flights_;
+};
+
+// The addresses under which other hosts reach us, for the line that tells what to type on board.
+std::string ReachableAt(const std::string& bind, int port) {
+  const std::string suffix = ":" + std::to_string(port);
+  if (bind != "0.0.0.0") return bind + suffix;
+  ifaddrs* first = nullptr;
+  if (getifaddrs(&first) != 0) return bind + suffix;
+  const std::unique_ptr<ifaddrs, void (*)(ifaddrs*)> addresses(first, freeifaddrs);
+  std::string text;
+  for (const ifaddrs* a = first; a != nullptr; a = a->ifa_next) {
+    char host[NI_MAXHOST];
+    if (a->ifa_addr == nullptr || a->ifa_addr->sa_family != AF_INET) continue;
+    if (getnameinfo(a->ifa_addr, sizeof(sockaddr_in), host, sizeof(host), nullptr, 0, NI_NUMERICHOST) != 0) continue;
+    if (std::string(host).starts_with("127.")) continue;
+    text += (text.empty() ? "" : ", ") + std::string(host) + suffix;
+  }
+  return text.empty() ? bind + suffix : text;
+}
+
+std::string DescribeMap(const Backend& backend, int num_open) {
+  const auto* merger = backend.Health("merger");
+  const auto* store = backend.Health("submap_store");
+  const auto number = [](const HealthMonitor::Entry* entry, const char* name) {
+    return std::to_string(static_cast<int64_t>(CounterOr(entry, name, 0)));
+  };
+  std::string text = std::to_string(num_open) + " flying  " + number(store, "keyframes") + " keyframes  " +
+                     number(merger, "connections") + " connections  " + number(merger, "components") + " components";
+  if (merger != nullptr && !merger->message.empty()) text += "  " + merger->message;
+  return text;
+}
+
+// Everything on the ground: hub, store, merger, live page; until Ctrl-C. Then the flights that no vehicle carries on
+// are closed and the map is finished.
+class Station {
+ public:
+  explicit Station(const StationOptions& options) : options_(options) {}
+
+  int Run() {
+    const auto start = std::chrono::steady_clock::now();
+    InstallSignalHandlers();
+    const FreePort page(options_.page_port.value_or(8080), options_.page_port.has_value(), "--page-port");
+    const OutFolder folder(options_.out, false, true);
+    try {
+      Backend backend(MakeOptions(page.Port()));
+      FlightBook flights(backend.bus(), &progress_);
+      WriteFile(options_.out + "/logs/lcm-url", backend.Url() + "\n");
+      progress_.Say("station: maps into " + options_.out +
+                    "; live page http://127.0.0.1:" + std::to_string(page.Port()) +
+                    "; vehicles: mapmend fly … --station " + ReachableAt(options_.bind, options_.port));
+      notice_.Ready();
+      while (Tick(&backend)) {
+        const std::string state = DescribeMap(backend, flights.NumOpen());
+        progress_.Show(state);
+        notice_.Alive(state);
+      }
+      const bool is_whole = Land(&backend);
+      LauncherFigures figures;
+      figures.readout_ms = FindCounter(backend.Health("merger"), "readout_ms");
+      figures.processes = backend.StopAll();
+      figures.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+      if (is_whole) progress_.Say(FinishRun(options_.out, figures));
+    } catch (const Interrupted&) {
+      progress_.Say("interrupted: " + options_.out + "/map.db holds what was mapped so far");
+      return kExitInterrupted;
+    }
+    return 0;
+  }
+
+ private:
+  BackendOptions MakeOptions(int page_port) {
+    if (options_.vocabulary.empty()) options_.vocabulary = DefaultVocabulary();
+    if (options_.vocabulary.empty()) throw std::runtime_error("no vocabulary: give one with --vocabulary");
+    BackendOptions backend;
+    backend.out = options_.out;
+    backend.vocabulary = options_.vocabulary;
+    backend.vocabulary_hash = Vocabulary::Read(options_.vocabulary).Hash();
+    backend.lcm_url = "tcpq://127.0.0.1:" + std::to_string(options_.port);
+    backend.hub_bind = options_.bind;
+    backend.channel_prefix = options_.channel_prefix;
+    backend.log_level = options_.log_level;
+    backend.seed = options_.seed;
+    backend.port = page_port;
+    return backend;
+  }
+
+  // False once Ctrl-C has asked to end.
+  bool Tick(Backend* backend) {
+    try {
+      backend->Tick(100);
+      return true;
+    } catch (const Interrupted&) {
+      WithdrawStopRequest();
+      return false;
+    }
+  }
+
+  // Closes what is dead and waits for the final map. False if no flight came, or a vehicle still flies.
+  bool Land(Backend* backend) {
+    std::vector<std::string> alive;
+    const std::vector<StoredSession> sessions = ListSessions(backend->bus());
+    std::vector<StoredSession> closed;
+    for (const StoredSession& session : sessions) {
+      progress_.Show("closing flights; Ctrl-C leaves at once");
+      const auto last = RescueSession(backend, session.id, "");
+      if (last) {
+        closed.push_back({session.id, *last});
+      } else {
+        alive.push_back(session.id.substr(0, 8));
+      }
+    }
+    if (!alive.empty()) {
+      std::string list;
+      for (const std::string& id : alive) list += (list.empty() ? "" : ", ") + id;
+      progress_.Say("still flying: " + list + "; they go on when the station is started again");
+      return false;
+    }
+    for (const StoredSession& session : closed) {
+      while (!backend->IsFinished(session.id, session.last_seq)) {
+        const auto* merger = backend->Health("merger");
+        progress_.Show(merger == nullptr || merger->message.empty() ? "merging" : merger->message);
+        notice_.Alive("finishing the map");
+        backend->Tick(50);
+      }
+    }
+    if (closed.empty()) progress_.Say("no flight came");
+    return !closed.empty();
+  }
+
+  StationOptions options_;
+  Progress progress_;
+  ServiceNotice notice_;
+};
+
+}  // namespace
+
+void AddStationCommand(CLI::App* app) {
+  CLI::App* sub = app->add_subcommand(
+      "station", "On the ground: hub, store, merger and live page for any number of vehicles and flights");
+  const auto options = std::make_shared<StationOptions>();
+  sub->add_option("--out", options->out, "folder of the map; flights are added to what it holds")
+      ->capture_default_str();
+  sub->add_option("--bind", options->bind, "address at which vehicles reach the station; 0.0.0.0: all of this host's")
+      ->capture_default_str();
+  sub->add_option("--port", options->port, "TCP port for the vehicles")
+      ->check(CLI::Range(1, 65535))
+      ->capture_default_str();
+  sub->add_option("--page-port", options->page_port, "of the live page (default: a free one from 8080 on)")
+      ->check(CLI::Range(1, 65535));
+  sub->add_option("--vocabulary", options->vocabulary, "the vehicles' (default: mapmend's own)");
+  sub->add_option("--seed", options->seed, "of everything random (default: the flights')");
+  sub->add_option("--channel-prefix", options->channel_prefix, "put before every channel name");
+  sub->add_option("--log-level", options->log_level, "of the log files in OUT/logs: debug, info, warn or error")
+      ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
+      ->capture_default_str();
+  sub->footer(
+      "Runs until Ctrl-C; then flights whose vehicle is silent are closed and the map is finished. A second Ctrl-C\n"
+      "leaves at once. Started again with the same --out, it goes on.");
+  sub->callback([options] {
+    if (const int code = Station(*options).Run(); code != 0) throw CLI::RuntimeError(code);
+  });
+}
+
+}  // namespace mapmend

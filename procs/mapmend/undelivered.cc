@@ -1,0 +1,88 @@
+#include "procs/mapmend/undelivered.h"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <filesystem>
+#include <mapmend/session_closed_t.hpp>
+#include <stdexcept>
+#include <vector>
+
+#include "libs/bus/bus.h"
+#include "libs/bus/outbox.h"
+#include "libs/bus/store_client.h"
+#include "libs/bus/stream_sender.h"
+
+namespace mapmend {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<std::string> ListOutboxes(const std::string& folder) {
+  std::vector<std::string> paths;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    if (entry.path().extension() == ".outbox") paths.push_back(entry.path().string());
+  }
+  return paths;
+}
+
+// Which session an outbox belongs to; empty if everything in it was acknowledged.
+std::string SessionThatWaits(const std::string& path) {
+  const Outbox outbox(path);
+  return outbox.Empty() ? "" : outbox.Session();
+}
+
+}  // namespace
+
+Undelivered::Undelivered(const std::string& out, const std::string& lcm_url, const std::string& channel_prefix)
+    : folder_(out + "/undelivered"), lcm_url_(lcm_url), channel_prefix_(channel_prefix) {
+  const std::string current = out + "/outbox";
+  if (fs::exists(current)) {
+    const std::string session = SessionThatWaits(current);
+    std::error_code error;
+    if (session.empty()) {
+      fs::remove(current, error);
+    } else {
+      fs::create_directories(folder_, error);
+      if (!error) fs::rename(current, folder_ + "/" + session + ".outbox", error);
+    }
+    if (error) throw std::runtime_error(current + ": cannot be put aside: " + error.message());
+  }
+  num_waiting_ = static_cast<int>(ListOutboxes(folder_).size());
+  if (num_waiting_ > 0) thread_ = std::thread([this] { Run(); });
+}
+
+Undelivered::~Undelivered() {
+  stop_ = true;
+  if (thread_.joinable()) thread_.join();
+}
+
+void Undelivered::Run() {
+  constexpr int kPatienceMs = 2000;  // so that the end is not waited for longer
+  Bus bus(lcm_url_, channel_prefix_);
+  StoreClient store(&bus, "undelivered-" + std::to_string(getpid()));
+  while (!stop_ && num_waiting_ > 0) {
+    for (const std::string& path : ListOutboxes(folder_)) {
+      if (stop_) return;
+      try {
+        const std::string session = SessionThatWaits(path);
+        if (!session.empty() && !DeliverOutbox(&bus, path, kPatienceMs)) continue;
+        // An outbox that is empty was delivered before the last end: its session may still be open.
+        const std::string id = session.empty() ? fs::path(path).stem().string() : session;
+        const auto closed = store.CloseSession(id, kPatienceMs);
+        if (!closed || closed->status == session_closed_t::STILL_ALIVE) continue;
+        std::error_code ignored;
+        fs::remove(path, ignored);
+        spdlog::info("session {} delivered", id);
+      } catch (const std::exception& e) {
+        spdlog::warn("{}", e.what());
+      }
+    }
+    num_waiting_ = static_cast<int>(ListOutboxes(folder_).size());
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  }
+}
+
+}  // namespace mapmend
