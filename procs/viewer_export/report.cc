@@ -165,12 +165,9 @@ std::string WhyApart(const Json& s) {
 }
 
 // Who saw a submap, by the name of the vehicle; by what it flew if it has none.
-std::string FlightName(const Json& s, const Json& session_id) {
-  for (const Json& session : s["sessions"]) {
-    if (session["id"] != session_id) continue;
-    return Escaped(session["vehicle"].get<std::string>().empty() ? session["source"] : session["vehicle"]);
-  }
-  return "";
+std::string FlightName(const Json& s, const Json& submap) {
+  const Json& session = s["sessions"].at(submap["session"].get<size_t>());
+  return Escaped(session["vehicle"].get<std::string>().empty() ? session["source"] : session["vehicle"]);
 }
 
 std::string SubmapTable(const Json& s) {
@@ -182,9 +179,8 @@ std::string SubmapTable(const Json& s) {
                      std::string(errors ? "<th>Error RMSE</th><th>Error max</th><th>Max of depth</th>" : "") +
                      "<th class=\"text\">Ended because</th></tr>\n";
   for (const Json& m : s["submaps"]) {
-    html += "<tr><td>" + Chip(m["id"]) + "</td>" +
-            (flights ? "<td class=\"left\">" + FlightName(s, m["session"]) + "</td>" : "") + "<td class=\"left\">" +
-            PartName(s, m["component"]) + (m["is_root"].get<bool>() ? " (root)" : "") + "</td>";
+    html += "<tr><td>" + Chip(m["id"]) + "</td>" + (flights ? "<td class=\"left\">" + FlightName(s, m) + "</td>" : "") +
+            "<td class=\"left\">" + PartName(s, m["component"]) + (m["is_root"].get<bool>() ? " (root)" : "") + "</td>";
     const bool any = m["frames"].get<int64_t>() > 0;
     html += "<td>" + (any ? Int(m["first_frame"]) : "–") + "</td><td>" + (any ? Int(m["last_frame"]) : "–") + "</td>";
     for (const char* key : {"frames", "keyframes", "points"}) html += "<td>" + Int(m[key]) + "</td>";
