@@ -73,7 +73,9 @@ Backend::~Backend() = default;
 
 void Backend::StartHub(int port, const std::string& bind) {
   const auto arguments = [&](const std::string& number) {
-    return std::vector<std::string>{FindProgram("hub"), "--bind", bind, "--port", number};
+    std::vector<std::string> argv = {FindProgram("hub"), "--bind", bind, "--port", number};
+    if (!options_.hub_token_file.empty()) argv.insert(argv.end(), {"--token-file", options_.hub_token_file});
+    return argv;
   };
   supervisor_.Start({"hub", arguments(std::to_string(port)), OnExit::kRestart});
   const auto deadline = Clock::now() + milliseconds(options_.ready_timeout_ms);

@@ -29,7 +29,8 @@ struct BackendOptions {
   std::optional<int> seed;
   int port = 0;  // of the live page, 0: none
   bool with_store = true, with_merger = true, with_viewer = true;
-  std::string hub_bind;  // address that a hub of our own listens on; empty: as lcm_url says
+  std::string hub_bind;        // address that a hub of our own listens on; empty: as lcm_url says
+  std::string hub_token_file;  // what processes of other hosts must show to that hub; empty: none
   int ready_timeout_ms = 60000;
   int silent_timeout_ms = 300000;  // a process whose health is silent for so long has hung
 };

@@ -130,10 +130,12 @@ class Flight {
 void AddFlyCommand(CLI::App* app) {
   CLI::App* sub = app->add_subcommand("fly", "On board: track one camera for a `mapmend station` on the ground");
   const auto options = std::make_shared<RunOptions>();
-  const auto station = std::make_shared<std::string>();
+  const auto station = std::make_shared<std::string>(), token_file = std::make_shared<std::string>();
   options->out = "mapmend-fly";
   AddFlightOptions(sub, options.get());
   sub->add_option("--station", *station, "HOST or HOST:PORT of `mapmend station`")->required();
+  sub->add_option("--token-file", *token_file,
+                  "copy of the station's hub.token (default: the token in $MAPMEND_TOKEN)");
   sub->add_option("--vehicle", options->vehicle, "name of this vehicle, for the report")->required();
   sub->add_option("--out", options->out, "folder that keeps what the station has not had yet")->capture_default_str();
   AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
@@ -144,7 +146,8 @@ void AddFlyCommand(CLI::App* app) {
   sub->footer(
       "Tracking never waits for the station. What it has not had is kept in --out; `mapmend fly` with the same --out\n"
       "delivers it. Exit codes as of `mapmend run`; 0: the station has the whole flight.");
-  sub->callback([options, station] {
+  sub->callback([options, station, token_file] {
+    ApplyTokenFile(*token_file);
     if (options->live && options->lcm_url.empty()) options->lcm_url = "tcpq://127.0.0.1:7700";
     if (const int code = Flight(CheckRunInputs(*options), *station).Run(); code != 0) throw CLI::RuntimeError(code);
   });

@@ -29,7 +29,7 @@ namespace mapmend {
 namespace {
 
 struct StationOptions {
-  std::string out = "mapmend-station", vocabulary, bind = "127.0.0.1", channel_prefix, log_level = "info";
+  std::string out = "mapmend-station", vocabulary, bind = "127.0.0.1", token_file, channel_prefix, log_level = "info";
   int port = 7700;
   std::optional<int> page_port, seed;
 };
@@ -127,6 +127,8 @@ class Station {
     InstallSignalHandlers();
     const FreePort page(options_.page_port.value_or(8080), options_.page_port.has_value(), "--page-port");
     const OutFolder folder(options_.out, false, true);
+    if (options_.token_file.empty() && !options_.bind.starts_with("127."))
+      options_.token_file = options_.out + "/hub.token";
     try {
       Backend backend(MakeOptions(page.Port()));
       FlightBook flights(backend.bus(), &progress_);
@@ -163,6 +165,7 @@ class Station {
     backend.vocabulary_hash = Vocabulary::Read(options_.vocabulary).Hash();
     backend.lcm_url = "tcpq://127.0.0.1:" + std::to_string(options_.port);
     backend.hub_bind = options_.bind;
+    backend.hub_token_file = options_.token_file;
     backend.channel_prefix = options_.channel_prefix;
     backend.log_level = options_.log_level;
     backend.seed = options_.seed;
@@ -231,6 +234,10 @@ void AddStationCommand(CLI::App* app) {
   sub->add_option("--port", options->port, "TCP port for the vehicles")
       ->check(CLI::Range(1, 65535))
       ->capture_default_str();
+  sub->add_option(
+      "--token-file", options->token_file,
+      "what vehicles of other hosts must show; made if there is no such file (default: OUT/hub.token, unless "
+      "--bind is this host's own)");
   sub->add_option("--page-port", options->page_port, "of the live page (default: a free one from 8080 on)")
       ->check(CLI::Range(1, 65535));
   sub->add_option("--vocabulary", options->vocabulary, "the vehicles' (default: mapmend's own)");
