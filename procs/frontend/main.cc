@@ -49,6 +49,10 @@ int main(int argc, char** argv) {
   app.add_option("--seed", options.seed, "of all random sampling")->capture_default_str();
   app.add_option("--session", options.session, "name of the session (UUID); else made from input, options and seed");
   app.add_option("--outbox", options.outbox_path, "file that keeps what the store has not acknowledged");
+  app.add_option("--deliver-timeout", options.deliver_timeout_s,
+                 "at the end, how long to wait without progress for a lost link or a silent store, seconds")
+      ->check(CLI::Range(0, 1000000))
+      ->capture_default_str();
   app.add_option("--vehicle", options.vehicle, "name of the vehicle, for the record");
   app.add_option("--lost-frames", options.frontend.max_lost_frames,
                  "consecutive frames without orientation that end a submap")

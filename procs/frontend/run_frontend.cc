@@ -15,6 +15,7 @@
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/health.h"
+#include "libs/bus/stop_request.h"
 #include "libs/bus/stream_sender.h"
 #include "libs/capture/image_source.h"
 #include "libs/capture/paced_images.h"
@@ -31,8 +32,8 @@ namespace {
 
 constexpr int kExitTruncatedInput = 3;
 constexpr int kTickMs = 200;
-constexpr int kFlushTimeoutMs = 20000,
-              kStopFlushTimeoutMs = 1500;  // without progress; asked to stop, the store may be gone
+// At the end, without progress: a store that refuses, and asked to stop, when the store may be gone.
+constexpr int kRefusedTimeoutMs = 20000, kStopTimeoutMs = 1500;
 
 double Percentile(std::vector<double> values, double share) {
   if (values.empty()) return 0;
@@ -156,6 +157,36 @@ std::string ExplainNoFrame(const RunOptions& options, const Input& input) {
          channels::kImage + " was good; the last: " + problem;
 }
 
+// Waits until the store has everything. A link that is down comes back, sooner or later: what waits for it is told, and
+// goes on waiting as long as it may; then the outbox keeps what is left. Throws std::runtime_error with one line.
+void DeliverAll(const RunOptions& options, bool is_live, StreamSender* sender, HealthReporter* health) {
+  using Clock = std::chrono::steady_clock;
+  if (is_live) WithdrawStopRequest();  // it has ended the flight; the next one ends the waiting
+  auto last_progress = Clock::now();
+  int64_t acknowledged = sender->AcknowledgedSeq();
+  while (!sender->Flush(kTickMs)) {
+    const int64_t now_acknowledged = sender->AcknowledgedSeq();
+    if (now_acknowledged > acknowledged) last_progress = Clock::now();
+    acknowledged = now_acknowledged;
+    const int64_t num_left = sender->LastSeq() - acknowledged;
+    const std::string obstacle = sender->Obstacle();
+    const auto waited = Clock::now() - last_progress;
+    const int64_t limit_ms = StopRequested()                 ? kStopTimeoutMs
+                             : !sender->StoreError().empty() ? kRefusedTimeoutMs
+                                                             : int64_t{1000} * options.deliver_timeout_s;
+    if (waited > std::chrono::milliseconds(limit_ms)) {
+      const std::string kept = options.outbox_path.empty() ? ""
+                                                           : "; they are kept in " + options.outbox_path +
+                                                                 ": 'mapmend recover' on its folder delivers them";
+      throw std::runtime_error(std::to_string(num_left) + " records were not stored (" + obstacle + ")" + kept);
+    }
+    health->SetQueueDepth(static_cast<int>(num_left));
+    if (waited > std::chrono::seconds(2))
+      health->SetState("busy", std::to_string(num_left) + " records are still to be stored: " + obstacle);
+    health->Tick();
+  }
+}
+
 // One line for a person; empty if nothing was lost.
 std::string DescribeDropped(int64_t num_dropped, int64_t num_bad) {
   std::string text;
@@ -269,12 +300,7 @@ int RunFrontend(const RunOptions& options) {
   health.SetCounter("track_ms_median", Percentile(track_ms, 0.5));
   health.SetCounter("track_ms_p95", Percentile(track_ms, 0.95));
   health.Tick();
-  if (!sender.Flush(cut_off ? kStopFlushTimeoutMs : kFlushTimeoutMs)) {
-    const std::string why = sender.StoreError().empty() ? "the submap store does not answer" : sender.StoreError();
-    throw std::runtime_error(std::to_string(sender.LastSeq() - sender.AcknowledgedSeq()) +
-                             " records were not stored (" + why + ")" +
-                             (options.outbox_path.empty() ? "" : "; they are kept in " + options.outbox_path));
-  }
+  DeliverAll(options, is_live, &sender, &health);
   report();
   if (!options.profile_path.empty()) WriteProfile(options.profile_path);
   const std::string dropped = DescribeDropped(input.Stream()->NumDropped(), input.NumBad());

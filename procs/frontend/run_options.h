@@ -26,6 +26,8 @@ struct RunOptions {
   InputMode mode = InputMode::kLockstep;
   double speed = 1;     // kRealtime: times as fast as the images were taken
   int max_waiting = 3;  // kRealtime, kLive: images that may wait for the frontend
+  // At the end of the flight: so long without progress it waits for a link or a silent store, seconds.
+  int deliver_timeout_s = 300;
   FrontendOptions frontend;
 };
 

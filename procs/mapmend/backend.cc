@@ -43,6 +43,9 @@ Backend::Backend(const BackendOptions& options)
     : options_(options),
       redirection_(std::make_unique<StderrRedirection>(options.out + "/logs/mapmend.log")),
       supervisor_(MakeSupervisorOptions(options)) {
+  ProcessOptions logging;
+  logging.log_level = options_.log_level;
+  ApplyLogLevel(logging);  // into that file
   BusPlan plan = PlanBus(options_.lcm_url);
   if (!options_.hub_bind.empty()) plan.hub_bind = options_.hub_bind;
   url_ = plan.url;

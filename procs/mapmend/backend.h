@@ -67,7 +67,7 @@ class Backend {
   void RefuseSharedStore();
 
   BackendOptions options_;
-  std::unique_ptr<StderrRedirection> redirection_;  // liblcm talks on stderr of its own accord
+  std::unique_ptr<StderrRedirection> redirection_;  // for what is logged under way
   std::string url_;
   Supervisor supervisor_;
   std::unique_ptr<Bus> bus_;

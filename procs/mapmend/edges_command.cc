@@ -18,6 +18,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "libs/bus/backoff.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/process.h"
 #include "libs/bus/store_client.h"
@@ -77,6 +78,8 @@ edge_decision_t MakeDecision(const EdgesOptions& options, const EdgeTable& table
   return decision;
 }
 
+constexpr std::chrono::milliseconds kNoLinkRetry(50);
+
 // One graph, asked of the merger until is_wanted holds for it.
 graph_t AskMerger(Bus* bus, int timeout_ms, const std::function<bool(const graph_t&)>& is_wanted) {
   graph_request_t request{};
@@ -84,16 +87,21 @@ graph_t AskMerger(Bus* bus, int timeout_ms, const std::function<bool(const graph
   std::optional<graph_t> graph;
   const Subscription subscription =
       bus->Subscribe<graph_t>(channels::kGraph, Delivery::kKeepAll, [&](const graph_t& reply) {
-        if (reply.requester == request.requester) graph = reply;
+        if (reply.requester == request.requester && reply.id == request.id) graph = reply;
       });
   const auto deadline = Clock::now() + std::chrono::milliseconds(timeout_ms);
+  Backoff backoff(std::chrono::milliseconds(1000), std::chrono::milliseconds(8000));
   while (Clock::now() < deadline && !StopRequested()) {
-    ++request.id;
+    // The same id until it is answered: a merger that is comparing all submaps answers when that is done.
+    const auto resend = Clock::now() + (bus->Publish(channels::kGraphRequest, request) ? backoff.Next() : kNoLinkRetry);
+    while (!graph && Clock::now() < std::min(resend, deadline) && !StopRequested()) bus->Handle(50);
+    if (!graph) continue;
+    if (is_wanted(*graph)) return *graph;
     graph.reset();
-    bus->Publish(channels::kGraphRequest, request);
-    const auto resend = Clock::now() + std::chrono::milliseconds(1000);
-    while (!graph && Clock::now() < resend && !StopRequested()) bus->Handle(50);
-    if (graph && is_wanted(*graph)) return *graph;
+    ++request.id;
+    backoff.Reset();
+    const auto again = Clock::now() + std::chrono::milliseconds(200);
+    while (Clock::now() < again && !StopRequested()) bus->Handle(50);
   }
   throw std::runtime_error("the merger does not answer");
 }

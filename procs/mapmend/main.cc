@@ -1,5 +1,7 @@
 // The command people type. Every subcommand is a file of its own: <x>_command.cc.
 
+#include <spdlog/spdlog.h>
+
 #include <exception>
 #include <iostream>
 
@@ -27,6 +29,8 @@ int main(int argc, char** argv) {
   mapmend::AddForwardCommands(&app);
   mapmend::AddVocabCommand(&app);
   mapmend::AddHubCommand(&app);
+  // What goes on under way is for the log, stdout and stderr are for what a person asked (Backend opens the log).
+  spdlog::set_level(spdlog::level::off);
   try {
     if (const auto code = mapmend::ParseCommandLine(&app, argc, argv)) return *code;
     if (!app.get_subcommands().empty()) return 0;

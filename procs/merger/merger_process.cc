@@ -198,7 +198,7 @@ class MergerLoop {
         }));
     subscriptions_.push_back(
         bus->Subscribe<graph_request_t>(channels::kGraphRequest, Delivery::kKeepAll,
-                                        [this](const graph_request_t& request) { requests_.push_back(request); }));
+                                        [this](const graph_request_t& request) { OnGraphRequest(request); }));
   }
 
   void Run() {
@@ -252,6 +252,14 @@ class MergerLoop {
     for (const edge_decision_t& d : message.decisions) {
       decisions_.push_back({{d.session_a, SubmapId(d.submap_a)}, {d.session_b, SubmapId(d.submap_b)}, d.disabled != 0});
     }
+  }
+
+  // One that is repeated while it waits is answered once.
+  void OnGraphRequest(const graph_request_t& request) {
+    for (const graph_request_t& waiting : requests_) {
+      if (waiting.requester == request.requester && waiting.id == request.id) return;
+    }
+    requests_.push_back(request);
   }
 
   // Once, before anything else: what was decided earlier holds for all that follows.

@@ -45,6 +45,11 @@ void PrintSession(Database* database, const SessionRow& session) {
     std::printf("  %s  %s\n", rows->getColumn(4).getText(), rows->getColumn(5).getText());
   }
   for (const GapRow& gap : database->Gaps(session.id)) {
+    if (gap.last_seq < gap.first_seq) {
+      std::printf("  from record %lld on by the store: %s\n", static_cast<long long>(gap.first_seq),
+                  gap.reason.c_str());
+      continue;
+    }
     std::printf("  gap: records %lld to %lld, %s\n", static_cast<long long>(gap.first_seq),
                 static_cast<long long>(gap.last_seq), gap.reason.c_str());
   }

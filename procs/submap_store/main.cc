@@ -35,6 +35,8 @@ int Main(int argc, char** argv) {
     AddProcessOptions(&app, &process);
     app.add_option("--db", options.path, "database file, made if it does not exist");
     app.add_option("--vocabulary-hash", options.vocabulary_hash, "accept only sessions of this vocabulary");
+    app.add_flag("--recording", options.log.is_recording,
+                 "the stream is played by lcm-logplayer, which cannot answer: give up what is missing after 2 s");
     app.require_subcommand(0, 1);
   }
   AddDbCommands(&app);
@@ -44,12 +46,16 @@ int Main(int argc, char** argv) {
   if (options.path.empty()) throw UsageError("--db is required (or one of info, check, compact, forget, merge, hash)");
 
   InstallSignalHandlers();
-  const auto store = Open(options);
+  auto store = Open(options);  // first: who cannot store must not be heard
   Bus bus(ResolveLcmUrl(process.lcm_url), process.channel_prefix);
-  StoreAdapter adapter(&bus, store.get());
-  spdlog::info("submap_store: {} with {} keyframes", options.path, store->GetStatus(0).keyframes);
-  while (!StopRequested()) adapter.Spin(10);
-  return 0;
+  for (;;) {
+    StoreAdapter adapter(&bus, store.get());
+    spdlog::info("submap_store: {} with {} keyframes", options.path, store->GetStatus(0).keyframes);
+    while (!StopRequested() && !store->MustReload()) adapter.Spin(10);
+    if (StopRequested()) return 0;
+    store.reset();
+    store = Open(options);
+  }
 }
 
 }  // namespace

@@ -126,6 +126,13 @@ std::optional<revision_ack_t> RevisionStore::Store(const uint8_t* data, int size
 std::optional<revision_ack_t> RevisionStore::StorePart(const uint8_t* data, int size) {
   revision_part_t part{};
   if (!DecodeMessage(data, size, &part) || !IsValid(part)) return std::nullopt;
+  {
+    auto same = database_->Prepare("SELECT 1 FROM revision_part WHERE revision = ? AND part = ? AND payload = ?");
+    same->bind(1, part.revision);
+    same->bind(2, part.part);
+    same->bindNoCopy(3, data, size);
+    if (same->executeStep()) return MakeAck(part.revision, part.part);  // it came again
+  }
   SQLite::Transaction transaction(database_->Sql());
   {
     auto insert = database_->Prepare(

@@ -3,7 +3,6 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <cstdlib>
 
 #include "procs/submap_store/submap_model.h"
 
@@ -39,7 +38,9 @@ SessionLog::Offered SessionLog::Offer(EncodedRecord encoded, int64_t now_ms) {
   }
   DecodedRecord decoded = DecodeRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()));
   if (!decoded.record) {
-    if (++damaged_[seq] == 1) spdlog::warn("session {}, record {}: {}", session_, seq, decoded.error);
+    Damaged& damaged = damaged_[seq];
+    damaged.error = decoded.error;
+    if (++damaged.count == 1) spdlog::warn("session {}, record {}: {}", session_, seq, decoded.error);
     return Offered::kRefused;
   }
   damaged_.erase(seq);
@@ -48,18 +49,17 @@ SessionLog::Offered SessionLog::Offer(EncodedRecord encoded, int64_t now_ms) {
   return Offered::kPending;
 }
 
-void SessionLog::OnHeartbeat(const stream_state_t& state, int64_t now_ms, int64_t wall_us) {
+void SessionLog::OnHeartbeat(const stream_state_t& state, int64_t now_ms) {
   if (state.last < -1 || state.last > prepared_ + kMaxBehind || state.first < 0 || state.first > state.last + 1) {
     ++num_refused_;
     return;
   }
   last_heard_ms_ = now_ms;
-  heard_heartbeat_ = true;
-  is_replay_ = std::abs(wall_us - state.utime) > options_.max_heartbeat_age_us;
-  if (!is_replay_) last_heartbeat_ms_ = now_ms;
-  // A recorded frontend talked to another store: what it could still send then says nothing about what comes now.
-  if (!is_replay_) first_available_ = std::max(first_available_, state.first);
   last_made_ = std::max(last_made_, state.last);
+  // A recorded frontend talked to another store: what it could still send then says nothing about what comes now.
+  if (options_.is_recording) return;
+  last_heartbeat_ms_ = now_ms;
+  first_available_ = std::max(first_available_, state.first);
 }
 
 bool SessionLog::IsAlive(int64_t now_ms) const { return now_ms - last_heartbeat_ms_ <= kAliveMs; }
@@ -80,7 +80,7 @@ void SessionLog::AddGap(int64_t first, int64_t last, const std::string& reason, 
   gaps_.push_back({first, last, reason});
   items->push_back(gaps_.back());
   prepared_ = last;
-  spdlog::warn("session {}: records {} to {} are missing: {}", session_, first, last, reason);
+  if (last >= first) spdlog::warn("session {}: records {} to {} are missing: {}", session_, first, last, reason);
 }
 
 void SessionLog::RefuseRecord(int64_t seq, const std::string& reason, std::vector<LogItem>* items) {
@@ -90,17 +90,13 @@ void SessionLog::RefuseRecord(int64_t seq, const std::string& reason, std::vecto
 
 bool SessionLog::IsHoleFinal(int64_t now_ms, std::string* reason) const {
   if (pending_.empty() && last_made_ <= prepared_) return false;  // no hole
-  if (first_available_ > prepared_ + 1) {
+  if (!options_.is_recording) {
     *reason = "the frontend no longer has them";
-    return true;
+    return first_available_ > prepared_ + 1;
   }
-  if (is_replay_ || !heard_heartbeat_) {
-    *reason = "not in the recording";
-    // At the tail, more may come as long as the recording goes on.
-    return now_ms - (pending_.empty() ? last_heard_ms_ : last_progress_ms_) > options_.replay_settle_ms;
-  }
-  *reason = "the frontend fell silent";
-  return now_ms - last_heard_ms_ > options_.silent_settle_ms;
+  *reason = "not in the recording";
+  // At the tail, more may come as long as the recording goes on.
+  return now_ms - (pending_.empty() ? last_heard_ms_ : last_progress_ms_) > options_.settle_ms;
 }
 
 std::vector<LogItem> SessionLog::TakeReady(int64_t now_ms) {
@@ -110,7 +106,11 @@ std::vector<LogItem> SessionLog::TakeReady(int64_t now_ms) {
     if (pending_.empty() || pending_.begin()->first > prepared_ + 1) {
       if (last_progress_ms_ < 0) last_progress_ms_ = now_ms;
       const auto damaged = damaged_.find(prepared_ + 1);
-      if (prepared_ >= 0 && damaged != damaged_.end() && damaged->second >= kMaxDamaged) {
+      if (damaged != damaged_.end() && damaged->second.count >= kMaxDamaged) {
+        if (prepared_ < 0) {
+          RefuseSession("session " + session_ + ": its first record is refused: " + damaged->second.error);
+          break;
+        }
         RefuseRecord(prepared_ + 1, "it does not decode", &items);
         damaged_.erase(damaged);
         continue;
@@ -158,7 +158,7 @@ std::vector<LogItem> SessionLog::TakeClosing() {
   std::vector<LogItem> items;
   if (model_.ended || prepared_ < 0) return items;
   const int64_t last_heard_of = std::max(last_made_, pending_.empty() ? -1 : pending_.rbegin()->first);
-  if (last_heard_of > prepared_) AddGap(prepared_ + 1, last_heard_of, "the session was closed without them", &items);
+  AddGap(prepared_ + 1, std::max(prepared_, last_heard_of), kClosedReason, &items);
   pending_.clear();
   pending_bytes_ = 0;
   int last_frame = -1;

@@ -13,12 +13,18 @@
 namespace mapmend {
 
 struct SessionLogOptions {
-  int max_ahead = 4096;                    // records beyond the next expected one that are held
-  int64_t max_pending_bytes = 256 << 20;   // of those; what does not fit will be sent again
-  int64_t replay_settle_ms = 2000;         // a hole is given up after so long in a replay, where nobody answers
-  int64_t silent_settle_ms = 30000;        // and after so long without a word from a live frontend
-  int64_t max_heartbeat_age_us = 2000000;  // an older heartbeat comes from a recording
+  int max_ahead = 4096;                   // records beyond the next expected one that are held
+  int64_t max_pending_bytes = 256 << 20;  // of those; what does not fit will be sent again
+  // The stream is played by something that cannot answer (lcm-logplayer): a hole is given up after settle_ms. Else only
+  // its sender can say that it no longer has a record; how long that takes does not matter, and no clock but the
+  // store's own is looked at.
+  bool is_recording = false;
+  int64_t settle_ms = 2000;
 };
+
+// The reason in the gap table when a store ends a session in its frontend's place: the gap begins with the first number
+// that the store did not get from the frontend, and is empty (last = first - 1) if it had not heard of more.
+inline constexpr char kClosedReason[] = "the session was closed in its frontend's absence";
 
 // Something to be committed: a record that is the session's next and valid, or a hole that will not be filled.
 struct LogEntry {
@@ -43,7 +49,7 @@ class SessionLog {
   // it a gap.
   enum class Offered { kPending, kDuplicate, kRefused };
   Offered Offer(EncodedRecord record, int64_t now_ms);
-  void OnHeartbeat(const stream_state_t& state, int64_t now_ms, int64_t wall_us);
+  void OnHeartbeat(const stream_state_t& state, int64_t now_ms);
 
   // Everything that can be committed now, in order. The caller commits it and then calls Committed, or tries again
   // later with the same items: they are handed out once.
@@ -79,11 +85,14 @@ class SessionLog {
   int64_t committed_ = -1;
   int64_t prepared_ = -1;  // handed out by TakeReady
   std::map<int64_t, LogEntry> pending_;
-  std::map<int64_t, int> damaged_;  // records that came undecodable, and how often
+  struct Damaged {
+    int count = 0;
+    std::string error;
+  };
+  std::map<int64_t, Damaged> damaged_;  // records that came undecodable
   int64_t pending_bytes_ = 0;
   std::vector<LogGap> gaps_;
   int64_t first_available_ = 0, last_made_ = -1;  // as the frontend says
-  bool heard_heartbeat_ = false, is_replay_ = false;
   int64_t last_heard_ms_ = -1000000000, last_heartbeat_ms_ = -1000000000, last_progress_ms_ = -1000000000;
   int64_t num_refused_ = 0;
   std::string session_error_;

@@ -11,14 +11,10 @@ namespace {
 
 constexpr int64_t kAckIntervalMs = 50;
 constexpr int64_t kHealthIntervalMs = 1000;
+constexpr int64_t kMaxReplyBytesAtOnce = 1 << 20;  // then records have their turn again
 
 int64_t SteadyMs() {
   return std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::steady_clock::now().time_since_epoch())
-      .count();
-}
-
-int64_t WallUs() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch())
       .count();
 }
 
@@ -26,27 +22,28 @@ int64_t WallUs() {
 
 StoreAdapter::StoreAdapter(Bus* bus, SubmapStore* store) : bus_(bus), store_(store), health_(bus, "submap_store") {
   for (const char* channel : kRecordChannels) {
-    subscriptions_.push_back(bus->SubscribeRaw(
-        channel, Delivery::kKeepAll,
-        [this, channel](const uint8_t* data, int size) { store_->OnRecord(channel, data, size, SteadyMs()); }));
+    subscriptions_.push_back(
+        bus->SubscribeRaw(channel, Delivery::kKeepAll, [this, channel](const uint8_t* data, int size) {
+          if (!store_->MustReload()) store_->OnRecord(channel, data, size, SteadyMs());
+        }));
   }
-  subscriptions_.push_back(bus->Subscribe<stream_state_t>(
-      channels::kStreamState, Delivery::kKeepAll,
-      [this](const stream_state_t& state) { store_->OnHeartbeat(state, SteadyMs(), WallUs()); }));
-  subscriptions_.push_back(bus->Subscribe<bow_query_t>(
-      channels::kBowQuery, Delivery::kKeepAll,
-      [this](const bow_query_t& query) { bus_->Publish(channels::kBowResult, store_->Query(query)); }));
-  subscriptions_.push_back(bus->Subscribe<fetch_t>(
-      channels::kFetch, Delivery::kKeepAll,
-      [this](const fetch_t& request) { bus_->Publish(channels::kFetched, store_->Fetch(request)); }));
   subscriptions_.push_back(
-      bus->Subscribe<edge_request_t>(channels::kEdgeRequest, Delivery::kKeepAll, [this](const edge_request_t& request) {
-        bus_->Publish(channels::kEdgeDecisions, store_->edge_decisions()->Decide(request));
+      bus->Subscribe<stream_state_t>(channels::kStreamState, Delivery::kKeepAll, [this](const stream_state_t& state) {
+        if (!store_->MustReload()) store_->OnHeartbeat(state, SteadyMs());
       }));
-  subscriptions_.push_back(bus->Subscribe<close_session_t>(
-      channels::kCloseSession, Delivery::kKeepAll, [this](const close_session_t& request) {
-        bus_->Publish(channels::kSessionClosed, store_->Close(request, SteadyMs()));
-      }));
+  Serve<bow_query_t, bow_result_t>(channels::kBowQuery, channels::kBowResult,
+                                   [this](const bow_query_t& query) { return store_->Query(query); });
+  Serve<fetch_t, fetched_t>(channels::kFetch, channels::kFetched,
+                            [this](const fetch_t& request) { return store_->Fetch(request); });
+  Serve<edge_request_t, edge_decisions_t>(
+      channels::kEdgeRequest, channels::kEdgeDecisions,
+      [this](const edge_request_t& request) { return store_->edge_decisions()->Decide(request); });
+  Serve<close_session_t, session_closed_t>(
+      channels::kCloseSession, channels::kSessionClosed,
+      [this](const close_session_t& request) { return store_->Close(request, SteadyMs()); });
+  Serve<revision_fetch_t, revision_fetched_t>(
+      channels::kRevisionFetch, channels::kRevisionFetched,
+      [this](const revision_fetch_t& request) { return store_->revisions()->Fetch(request); });
   subscriptions_.push_back(
       bus->SubscribeRaw(channels::kRevision, Delivery::kKeepAll, [this](const uint8_t* data, int size) {
         if (const auto ack = store_->revisions()->Store(data, size)) {
@@ -63,20 +60,39 @@ StoreAdapter::StoreAdapter(Bus* bus, SubmapStore* store) : bus_(bus), store_(sto
           throw std::runtime_error("not a valid revision_part_t");
         }
       }));
-  subscriptions_.push_back(bus->Subscribe<revision_fetch_t>(
-      channels::kRevisionFetch, Delivery::kKeepAll, [this](const revision_fetch_t& request) {
-        bus_->Publish(channels::kRevisionFetched, store_->revisions()->Fetch(request));
+}
+
+// Requests wait until what came before them is committed. One that is repeated while it waits, or whose answer has just
+// been sent, is dropped: it would only make the others wait.
+template <typename Request, typename Reply>
+void StoreAdapter::Serve(const char* request_channel, const char* reply_channel,
+                         std::function<Reply(const Request&)> answer) {
+  subscriptions_.push_back(bus_->Subscribe<Request>(
+      request_channel, Delivery::kKeepAll, [this, request_channel, reply_channel, answer](const Request& request) {
+        requests_.Add({request_channel, request.requester, request.id}, SteadyMs(),
+                      [this, request_channel, reply_channel, answer, request] {
+                        try {
+                          const std::vector<uint8_t> reply = EncodeMessage(answer(request));
+                          bus_->PublishRaw(reply_channel, reply.data(), static_cast<int>(reply.size()));
+                          return static_cast<int64_t>(reply.size());
+                        } catch (const std::exception& e) {  // e.g. a full disk; it is asked for again
+                          spdlog::warn("{}: no answer: {}", request_channel, e.what());
+                          return int64_t{0};
+                        }
+                      });
       }));
 }
 
 void StoreAdapter::Spin(int timeout_ms) {
-  bus_->Handle(has_background_work_ ? 0 : timeout_ms);
+  bus_->Handle(has_background_work_ || !requests_.Empty() ? 0 : timeout_ms);
+  if (store_->MustReload()) return;
   const int64_t now = SteadyMs();
   for (const std::string& session : store_->CommitReady(now)) bus_->Publish(channels::kAck, store_->Ack(session));
   if (now - last_ack_ms_ >= kAckIntervalMs) {
     last_ack_ms_ = now;
     for (const ack_t& ack : store_->Acks(now)) bus_->Publish(channels::kAck, ack);
   }
+  requests_.Answer(now, kMaxReplyBytesAtOnce);
   has_background_work_ = store_->WorkInBackground();
   ReportHealth(now);
 }
@@ -97,6 +113,7 @@ void StoreAdapter::ReportHealth(int64_t now_ms) {
   health_.SetCounter("duplicates", static_cast<double>(status.duplicates));
   health_.SetCounter("bad_messages", static_cast<double>(status.refused + bus_->NumRefused()));
   health_.SetCounter("gaps", static_cast<double>(status.gaps));
+  health_.SetCounter("requests_shed", static_cast<double>(requests_.NumShed()));
   health_.SetCounter("open_sessions", status.open_sessions);
   health_.SetCounter("silent_sessions", status.silent_sessions);
   health_.SetCounter("index_mb", static_cast<double>(status.bytes_in_memory) / (1 << 20));

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "libs/bus/bus.h"
 #include "libs/bus/health.h"
+#include "procs/submap_store/request_queue.h"
 #include "procs/submap_store/submap_store.h"
 
 namespace mapmend {
@@ -18,11 +20,14 @@ class StoreAdapter {
   void Spin(int timeout_ms);
 
  private:
+  template <typename Request, typename Reply>
+  void Serve(const char* request_channel, const char* reply_channel, std::function<Reply(const Request&)> answer);
   void ReportHealth(int64_t now_ms);
 
   Bus* bus_;
   SubmapStore* store_;
   HealthReporter health_;
+  RequestQueue requests_;
   int64_t last_ack_ms_ = 0, last_health_ms_ = 0, last_records_ = 0;
   bool has_background_work_ = true;
   std::vector<Subscription> subscriptions_;

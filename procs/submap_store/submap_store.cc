@@ -153,13 +153,50 @@ void SubmapStore::OnRecord(const std::string& channel, const uint8_t* data, int 
   if (offered == SessionLog::Offered::kRefused || is_conflict) ++num_refused_;
 }
 
-void SubmapStore::OnHeartbeat(const stream_state_t& state, int64_t now_ms, int64_t wall_us) {
+void SubmapStore::OnHeartbeat(const stream_state_t& state, int64_t now_ms) {
   SessionState* session = IsSessionId(state.session) ? FindOrAdd(state.session) : nullptr;
   if (session == nullptr) {
     ++num_refused_;
     return;
   }
-  session->log.OnHeartbeat(state, now_ms, wall_us);
+  int64_t from = 0;
+  if (session->log.Ended() && session->uncommitted.empty() && HasMore(*session, state, &from)) {
+    TakeUpAgain(*session, from);
+    return;
+  }
+  session->log.OnHeartbeat(state, now_ms);
+}
+
+// Whether the session was closed in the absence of a frontend that has more of it.
+//   from  the first number that the store did not get from it
+bool SubmapStore::HasMore(const SessionState& state, const stream_state_t& heartbeat, int64_t* from) {
+  if (heartbeat.first > heartbeat.last || heartbeat.first < 0) return false;  // it has nothing
+  const std::vector<GapRow> gaps = database_.Gaps(state.row);
+  if (gaps.empty() || gaps.back().reason != kClosedReason) return false;
+  *from = gaps.back().first_seq;
+  return heartbeat.last >= *from;
+}
+
+void SubmapStore::TakeUpAgain(const SessionState& state, int64_t from) {
+  try {
+    SQLite::Transaction transaction(database_.Sql());
+    for (const char* sql : {"DELETE FROM record WHERE session = ? AND seq >= ?",
+                            "DELETE FROM gap WHERE session = ? AND first_seq >= ?"}) {
+      auto remove = database_.Prepare(sql);
+      remove->bind(1, state.row);
+      remove->bind(2, from);
+      remove->exec();
+    }
+    auto update = database_.Prepare("UPDATE session SET ended = 0, num_frames = 0, is_derived = 0 WHERE id = ?");
+    update->bind(1, state.row);
+    update->exec();
+    transaction.commit();
+  } catch (const SQLite::Exception& e) {
+    spdlog::error("{}: {}", options_.path, Describe(e));
+    return;
+  }
+  spdlog::warn("{}: a session that was closed goes on: taken up again from record {}", options_.path, from);
+  must_reload_ = true;
 }
 
 // A session of another vocabulary must not be mixed with what is there: its words mean other things.

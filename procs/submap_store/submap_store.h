@@ -43,9 +43,12 @@ class SubmapStore {
 
   // The stream.
   void OnRecord(const std::string& channel, const uint8_t* data, int size, int64_t now_ms);
-  void OnHeartbeat(const stream_state_t& state, int64_t now_ms, int64_t wall_us);
+  void OnHeartbeat(const stream_state_t& state, int64_t now_ms);
   // Commits what has come in order, in one transaction. Returns the sessions that went forward (to be acknowledged).
   std::vector<std::string> CommitReady(int64_t now_ms);
+  // True once a session that was closed in its frontend's absence has been taken up again, because the frontend turned
+  // out to have more of it: this object is of no use any more, another one must be made of the file.
+  bool MustReload() const { return must_reload_; }
   // Does a little of what can wait. True if there is more.
   bool WorkInBackground();
   // Of sessions heard of in the last two seconds.
@@ -84,6 +87,8 @@ class SubmapStore {
   void Write(SessionState* state);
   void AfterCommit(SessionState* state);
   bool IsConflict(const SessionState& state, const EncodedRecord& record);
+  bool HasMore(const SessionState& state, const stream_state_t& heartbeat, int64_t* from);
+  void TakeUpAgain(const SessionState& state, int64_t from);
 
   SubmapStoreOptions options_;
   Database database_;
@@ -95,6 +100,7 @@ class SubmapStore {
   std::deque<GeometryWriter> geometry_;  // submaps that have ended
   std::string vocabulary_hash_, error_;
   int64_t retry_at_ms_ = 0;
+  bool must_reload_ = false;
   int64_t num_records_ = 0, num_duplicates_ = 0, num_refused_ = 0, num_gaps_ = 0;
 };
 

@@ -2,39 +2,15 @@
 
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <chrono>
 #include <mapmend/ack_t.hpp>
 #include <mapmend/fetched_t.hpp>
 #include <thread>
 
-#include "libs/bus/hub.h"
+#include "tests/running_hub.h"
 
 namespace mapmend {
 namespace {
-
-// A hub on a free port, served by a thread.
-class RunningHub {
- public:
-  explicit RunningHub(HubOptions options = {}, int port = 0) {
-    options.port = port;
-    hub_ = std::make_unique<Hub>(options);
-    thread_ = std::thread([this] {
-      while (!stop_) hub_->Spin(10);
-    });
-  }
-  ~RunningHub() {
-    stop_ = true;
-    thread_.join();
-  }
-  int Port() const { return hub_->Port(); }
-  std::string Url() const { return "tcpq://127.0.0.1:" + std::to_string(hub_->Port()); }
-
- private:
-  std::unique_ptr<Hub> hub_;
-  std::atomic<bool> stop_{false};
-  std::thread thread_;
-};
 
 ack_t MakeAck(int64_t cumulative) {
   ack_t ack{};
@@ -140,6 +116,38 @@ TEST(Bus, StartsBeforeTheHubDoes) {
     bus.Publish("X", MakeAck(3));
     return heard == 3;
   }));
+}
+
+TEST(Bus, AHandlerIsNotCalledOnceItsSubscriptionHasEnded) {
+  RunningHub hub;
+  for (const std::string& url : {std::string("memq://"), hub.Url()}) {
+    Bus bus(url, "");
+    int num_first = 0, num_second = 0;
+    auto first = std::make_unique<Subscription>(
+        bus.Subscribe<ack_t>("X", Delivery::kKeepAll, [&](const ack_t&) { ++num_first; }));
+    Subscription second = bus.Subscribe<ack_t>("X", Delivery::kKeepAll, [&](const ack_t&) {
+      if (++num_second == 2) second.Reset();  // from within
+    });
+    bus.Publish("X", MakeAck(1));
+    ASSERT_TRUE(HandleUntil(&bus, [&] { return num_first == 1 && num_second == 1; })) << url;
+    bus.Publish("X", MakeAck(2));  // may be in the queue already
+    first.reset();
+    for (int i = 0; i < 3; ++i) bus.Publish("X", MakeAck(3));
+    ASSERT_TRUE(HandleUntil(&bus, [&] { return num_second == 2; })) << url;
+    HandleUntil(
+        &bus, [] { return false; }, 100);
+    EXPECT_EQ(num_first, 1) << url;
+    EXPECT_EQ(num_second, 2) << url;
+  }
+}
+
+TEST(Bus, ASubscriptionMayOutliveTheBus) {
+  Subscription subscription;
+  {
+    Bus bus("memq://", "");
+    subscription = bus.Subscribe<ack_t>("X", Delivery::kKeepAll, [](const ack_t&) {});
+  }
+  subscription.Reset();
 }
 
 TEST(Bus, CountsAndDropsWhatDoesNotDecode) {

@@ -1,7 +1,9 @@
 #include "libs/bus/outbox.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 
@@ -107,6 +109,80 @@ TEST_F(OutboxTest, GivesBackDiskWhileMuchIsStillHeld) {
   for (int64_t seq = 81; seq < 100; ++seq) EXPECT_EQ(outbox.Read(seq)->data, MakeRecord(seq, 1 << 20).data);
   outbox.Append(MakeRecord(100));
   EXPECT_EQ(outbox.Read(100)->data, MakeRecord(100).data);
+}
+
+TEST_F(OutboxTest, NumbersMayHaveHoles) {
+  {
+    Outbox outbox(path_);
+    for (const int64_t seq : {3, 9, 4000}) outbox.Append(MakeRecord(seq));
+  }
+  Outbox outbox(path_);
+  EXPECT_EQ(outbox.Size(), 3);
+  EXPECT_EQ(outbox.FirstSeq(), 3);
+  EXPECT_EQ(outbox.LastSeq(), 4000);
+  EXPECT_EQ(outbox.Read(9)->data, MakeRecord(9).data);
+  EXPECT_EQ(outbox.Read(4000)->data, MakeRecord(4000).data);
+  for (const int64_t seq : {0, 4, 10, 3999, 4001}) EXPECT_FALSE(outbox.Read(seq)) << seq;
+  EXPECT_EQ(outbox.NextSeq(-1), 3);
+  EXPECT_EQ(outbox.NextSeq(3), 9);
+  EXPECT_EQ(outbox.NextSeq(4000), -1);
+  outbox.Acknowledge(8);
+  EXPECT_EQ(outbox.FirstSeq(), 9);
+}
+
+TEST_F(OutboxTest, LeavesOutWhatIsDamagedInTheMiddle) {
+  int64_t begin = 0, end = 0;
+  {
+    Outbox outbox(path_);
+    for (int64_t seq = 0; seq < 6; ++seq) {
+      if (seq == 2) begin = outbox.FileBytes();
+      if (seq == 4) end = outbox.FileBytes();
+      outbox.Append(MakeRecord(seq));
+    }
+  }
+  {
+    std::fstream file(path_, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(begin + 100);
+    for (int64_t i = begin + 100; i < end - 50; ++i) file.put(0);  // as after a power cut
+  }
+  Outbox outbox(path_);
+  EXPECT_EQ(outbox.Size(), 4);
+  EXPECT_EQ(outbox.LastSeq(), 5);
+  EXPECT_FALSE(outbox.Read(2));
+  EXPECT_EQ(outbox.NextSeq(1), 4);
+  outbox.Append(MakeRecord(6));
+  EXPECT_EQ(outbox.Read(6)->data, MakeRecord(6).data);
+  EXPECT_EQ(outbox.Read(4)->data, MakeRecord(4).data);
+}
+
+TEST_F(OutboxTest, GivesUpTheOldestWhenMemoryIsFullToo) {
+  Outbox outbox("", 10000);
+  for (int64_t seq = 0; seq < 25; ++seq) outbox.Append(MakeRecord(seq));
+  EXPECT_EQ(outbox.FirstSeq(), 15);
+  EXPECT_EQ(outbox.LastSeq(), 24);
+  EXPECT_EQ(outbox.Read(20)->data, MakeRecord(20).data);
+}
+
+TEST_F(OutboxTest, GoesOnInMemoryWhenTheFileCannotGrow) {
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, SIG_IGN);
+  {
+    Outbox outbox(path_);
+    outbox.Append(MakeRecord(0));
+    const rlimit small{static_cast<rlim_t>(outbox.FileBytes()) + 500, before.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &small);
+    outbox.Append(MakeRecord(1));
+    outbox.Append(MakeRecord(2, 100));  // this one has room
+    outbox.Append(MakeRecord(3));
+    setrlimit(RLIMIT_FSIZE, &before);
+    for (int64_t seq = 0; seq < 4; ++seq) EXPECT_TRUE(outbox.Read(seq)) << seq;
+  }
+  Outbox outbox(path_);  // what was in memory only is gone
+  EXPECT_TRUE(outbox.Read(0));
+  EXPECT_FALSE(outbox.Read(1));
+  EXPECT_TRUE(outbox.Read(2));
+  EXPECT_FALSE(outbox.Read(3));
 }
 
 TEST_F(OutboxTest, WorksInMemoryWithoutAFile) {

@@ -16,23 +16,25 @@ namespace {
 
 class SubmapStoreTest : public ::testing::Test {
  protected:
-  void Open() {
+  void Open(bool is_recording = false) {
     store_.reset();
     SubmapStoreOptions options;
     options.path = folder_.File("map.db");
+    options.log.is_recording = is_recording;
     store_ = std::make_unique<SubmapStore>(options);
   }
   void Offer(const Record& record) { OfferEncoded(EncodeRecord(record)); }
   void OfferEncoded(const EncodedRecord& encoded) {
     store_->OnRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()), now_ms_);
   }
-  void Heartbeat(int64_t first, int64_t last, bool is_replay = false) {
+  // utime: the frontend's clock, which may be anything.
+  void Heartbeat(int64_t first, int64_t last, int64_t utime = 0) {
     stream_state_t state{};
     state.session = options_.session;
     state.first = first;
     state.last = last;
-    state.utime = is_replay ? 0 : 1000000 * now_ms_;
-    store_->OnHeartbeat(state, now_ms_, 1000000 * now_ms_);
+    state.utime = utime;
+    store_->OnHeartbeat(state, now_ms_);
   }
   void Commit() {
     store_->CommitReady(now_ms_);
@@ -168,23 +170,101 @@ TEST_F(SubmapStoreTest, RefusesASessionOfAnotherVocabulary) {
   EXPECT_THROW(SubmapStore{options}, std::runtime_error);
 }
 
-TEST_F(SubmapStoreTest, WaitsForALiveFrontendButNotForARecording) {
+TEST_F(SubmapStoreTest, WaitsForAMissingRecordAsLongAsItsSenderHasItWhateverTheClocksSay) {
   Open();
   const auto records = MakeSyntheticStream(options_);
   for (const int seq : {0, 1, 3, 4}) Offer(records[static_cast<size_t>(seq)]);
+  constexpr int64_t kHourUs = 3600000000;
+  int64_t utime = 1700000000000000;
   for (int i = 0; i < 100; ++i) {
+    now_ms_ += i % 10 == 9 ? 60000 : 1000;  // also after long silences
+    utime += i % 3 == 0 ? -kHourUs : kHourUs;
+    Heartbeat(i < 50 ? 0 : 2, 4, utime);
+    Commit();
+    ASSERT_EQ(Cumulative(), 1) << i;
+  }
+  Offer(records[2]);
+  Commit();
+  EXPECT_EQ(Cumulative(), 4);
+  EXPECT_EQ(store_->GetStatus(now_ms_).gaps, 0);
+}
+
+TEST_F(SubmapStoreTest, GivesUpWhatItsSenderNoLongerHas) {
+  Open();
+  const auto records = MakeSyntheticStream(options_);
+  for (const int seq : {0, 1, 3, 4}) Offer(records[static_cast<size_t>(seq)]);
+  Heartbeat(3, 4);
+  Commit();
+  EXPECT_EQ(Cumulative(), 4);
+  EXPECT_EQ(store_->GetStatus(now_ms_).gaps, 3);  // 2, and 3 and 4 that need what it brought
+}
+
+TEST_F(SubmapStoreTest, GivesUpWhatIsMissingInARecordingWhoseSenderCannotAnswer) {
+  Open(true);
+  const auto records = MakeSyntheticStream(options_);
+  for (const int seq : {0, 1, 3, 4}) Offer(records[static_cast<size_t>(seq)]);
+  for (int i = 0; i < 4; ++i) {
     now_ms_ += 1000;
     Heartbeat(0, 4);
     Commit();
   }
-  EXPECT_EQ(Cumulative(), 1);
-  for (int i = 0; i < 4; ++i) {
-    now_ms_ += 1000;
-    Heartbeat(0, 4, true);
-    Commit();
-  }
   EXPECT_EQ(Cumulative(), 4);
-  EXPECT_EQ(store_->GetStatus(now_ms_).gaps, 3);  // 2, and 3 and 4 that need what it brought
+  EXPECT_EQ(store_->GetStatus(now_ms_).gaps, 3);
+}
+
+TEST_F(SubmapStoreTest, SaysWhyItTakesNothingOfASession) {
+  Open();
+  EncodedRecord first = EncodeRecord(MakeSyntheticStream(options_)[0]);
+  first.data.resize(first.data.size() - 4);
+  for (int i = 0; i < 3; ++i) OfferEncoded(first);
+  Heartbeat(0, 5);
+  Commit();
+  EXPECT_NE(store_->Ack(options_.session).error.find("its first record is refused"), std::string::npos);
+  Offer(MakeSyntheticStream(options_)[0]);  // a good one heals it
+  Commit();
+  EXPECT_EQ(store_->Ack(options_.session).error, "");
+  EXPECT_EQ(Cumulative(), 0);
+}
+
+// The link to the frontend was down, or its host: whoever waited closed the session; then the rest comes after all.
+TEST_F(SubmapStoreTest, TakesUpAClosedSessionAgainWhenItsFrontendHasMore) {
+  const auto records = MakeSyntheticStream(options_);
+  // What came before the close, what was heard of then: within a submap, and between two.
+  const std::pair<size_t, int64_t> cases[] = {{10, 9}, {10, 14}, {33, 32}};
+  for (const auto& [num_before, last_heard_of] : cases) {
+    std::filesystem::remove(folder_.File("map.db"));
+    Open();
+    for (size_t i = 0; i < num_before; ++i) Offer(records[i]);
+    Heartbeat(0, last_heard_of);
+    Commit();
+    now_ms_ += 5000;
+    close_session_t request{};
+    request.session = options_.session;
+    ASSERT_EQ(store_->Close(request, now_ms_).status, session_closed_t::OK);
+    Open();
+    Heartbeat(static_cast<int64_t>(num_before) - 3, static_cast<int64_t>(num_before) - 1);  // it knows less than we do
+    EXPECT_FALSE(store_->MustReload());
+    Heartbeat(static_cast<int64_t>(num_before) - 3, static_cast<int64_t>(records.size()) - 1);
+    ASSERT_TRUE(store_->MustReload());
+    Open();
+    EXPECT_EQ(Cumulative(), static_cast<int64_t>(num_before) - 1);
+    EXPECT_EQ(store_->GetStatus(now_ms_).open_sessions, 1);
+    for (size_t i = num_before - 3; i < records.size(); ++i) Offer(records[i]);
+    Commit();
+    EXPECT_EQ(store_->GetStatus(now_ms_).gaps, 0);
+    EXPECT_EQ(store_->GetStatus(now_ms_).open_sessions, 0);
+    store_.reset();
+    const std::vector<std::string> problems = CheckDb(folder_.File("map.db"));
+    EXPECT_TRUE(problems.empty()) << problems.front();
+    const std::string hash = HashDb(folder_.File("map.db")).stream;
+
+    std::filesystem::remove(folder_.File("map.db"));
+    Open();
+    for (const Record& record : records) Offer(record);
+    Commit();
+    store_.reset();
+    EXPECT_EQ(HashDb(folder_.File("map.db")).stream, hash);
+  }
 }
 
 TEST_F(SubmapStoreTest, ClosesASessionWhoseFrontendDied) {
@@ -266,7 +346,7 @@ TEST_F(SubmapStoreTest, DamagedMessagesOfAllKindsDoNoHarm) {
     state.last = static_cast<int64_t>(i);
     state.utime = 1000000 * now_ms_;
     stream_state_t bad_state{};
-    if (mutated(state, &bad_state)) store_->OnHeartbeat(bad_state, now_ms_, 1000000 * now_ms_);
+    if (mutated(state, &bad_state)) store_->OnHeartbeat(bad_state, now_ms_);
     query.cursors[0].seq = static_cast<int64_t>(i);
     query.keyframe = static_cast<int32_t>(i / 3);
     bow_query_t bad_query{};
