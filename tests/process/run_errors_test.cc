@@ -80,7 +80,7 @@ TEST_F(RunErrorsTest, MissingInput) {
 
 TEST_F(RunErrorsTest, CameraFileWithoutAKey) {
   const std::string camera = Write("camera.yaml", "Camera.fx: 478\nCamera.fy: 478\nCamera.cy: 300\n");
-  ExpectError(Run({"--camera", camera}), "camera file " + camera + ": key Camera.cx is missing");
+  ExpectError(Run({"--camera", camera}), "camera file " + camera + ": key Camera.cx is missing (ORB-SLAM settings)");
 }
 
 TEST_F(RunErrorsTest, EmptyFolder) {

@@ -89,7 +89,7 @@ TEST_F(RunInputsTest, NamesWhatIsMissing) {
 
 TEST_F(RunInputsTest, NamesTheKeyOfTheCameraFile) {
   options_.camera = Write("camera.yaml", "Camera.fx: 478\nCamera.cx: 400\nCamera.cy: 300\n");
-  EXPECT_EQ(Error(), "camera file " + options_.camera + ": key Camera.fy is missing");
+  EXPECT_EQ(Error(), "camera file " + options_.camera + ": key Camera.fy is missing (ORB-SLAM settings)");
 }
 
 TEST_F(RunInputsTest, WantsATimeForEachFrame) {
