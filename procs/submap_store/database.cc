@@ -5,12 +5,14 @@
 #include <stdexcept>
 
 #include "procs/submap_store/blob.h"
+#include "procs/submap_store/row_checksum.h"
 #include "procs/submap_store/schema.h"
 
 namespace mapmend {
 namespace {
 
 constexpr int kBusyTimeoutMs = 5000;
+constexpr int kFirstWithChecksums = 6;  // schema version
 
 // The file as a URI that SQLite takes for unchanging.
 std::string ImmutableUri(const std::string& path) {
@@ -38,17 +40,32 @@ void Identify(SQLite::Database* sql, const std::string& path) {
 
 }  // namespace
 
-Database::Database(const std::string& path, Mode mode)
-    : path_(path), guard_(path, mode == Mode::kReadWrite ? FileGuard::Access::kExclusive : FileGuard::Access::kShared) {
+Database::Database(const std::string& path, Mode mode) : path_(path) {
+  if (mode == Mode::kScratch) {
+    sql_ = std::make_unique<SQLite::Database>("", SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    sql_->exec("PRAGMA journal_mode = OFF");
+    Migrate(sql_.get());
+    return;
+  }
+  guard_ = std::make_unique<FileGuard>(path, mode == Mode::kReadWrite  ? FileGuard::Access::kExclusive
+                                             : mode == Mode::kReadOnly ? FileGuard::Access::kShared
+                                                                       : FileGuard::Access::kSharedUnseen);
   const int flags = mode == Mode::kReadWrite ? SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE : SQLite::OPEN_READONLY;
-  const bool is_at_rest = mode == Mode::kReadOnly && guard_.IsAtRest();
+  const bool is_at_rest = mode != Mode::kReadWrite && guard_->IsAtRest();
   sql_ = std::make_unique<SQLite::Database>(is_at_rest ? ImmutableUri(path) : path,
                                             is_at_rest ? flags | SQLite::OPEN_URI : flags, kBusyTimeoutMs);
+  AddRowChecksum(sql_.get());
+  if (mode == Mode::kDamaged) {
+    has_checksums_ =
+        sql_->execAndGet("SELECT count(*) FROM pragma_table_info('record') WHERE name = 'checksum'").getInt() != 0;
+    return;
+  }
   if (mode == Mode::kReadOnly) {
     const int version = sql_->execAndGet("PRAGMA user_version").getInt();
     if (version != kSchemaVersion) {
-      throw std::runtime_error(path + ": has schema version " + std::to_string(version) + " instead of " +
-                               std::to_string(kSchemaVersion) + "; 'mapmend db compact' brings it up to date");
+      throw std::runtime_error(
+          path + ": has schema version " + std::to_string(version) + " instead of " + std::to_string(kSchemaVersion) +
+          (version < kFirstWithChecksums ? ", without checksums" : "") + "; 'mapmend db compact' brings it up to date");
     }
     return;
   }
@@ -109,19 +126,62 @@ std::vector<GapRow> Database::Gaps(int64_t session) {
 }
 
 void Database::ReadRecords(const SessionRow& session, int64_t first, int64_t last,
-                           const std::function<bool(EncodedRecord)>& visit) {
-  Use query =
-      Prepare("SELECT seq, channel, payload FROM record WHERE session = ? AND seq >= ? AND seq <= ? ORDER BY seq");
-  query->bind(1, session.id);
-  query->bind(2, first);
-  query->bind(3, last);
-  while (query->executeStep()) {
-    EncodedRecord record;
-    record.session = session.uuid;
-    record.seq = query->getColumn(0).getInt64();
-    record.channel = query->getColumn(1).getString();
-    record.data = ReadBlob<uint8_t>(query->getColumn(2));
-    if (!visit(std::move(record))) return;
+                           const std::function<bool(EncodedRecord)>& visit, const OnDamaged& on_damaged) {
+  const std::string select = std::string("SELECT seq, channel, payload, utime, ") +
+                             (has_checksums_ ? "checksum IS row_checksum(channel, payload)" : "1") +
+                             " FROM record WHERE session = ? AND ";
+  int64_t seq = first;  // that is read now
+  // The next row of a query. False if there is none, or SQLite cannot read it: then *is_readable is false.
+  const auto read = [&](SQLite::Statement* query, EncodedRecord* record, std::string* what, bool* is_readable) {
+    try {
+      if (!query->executeStep()) return false;
+      record->session = session.uuid;
+      record->seq = seq = query->getColumn(0).getInt64();
+      record->channel = query->getColumn(1).getString();
+      record->data = ReadBlob<uint8_t>(query->getColumn(2));
+      const auto header = PeekHeader(record->data.data(), static_cast<int>(record->data.size()));
+      *what = "";
+      if (query->getColumn(4).getInt() == 0) {
+        *what = "its checksum does not fit";
+      } else if (!header || header->session != session.uuid || header->seq != seq ||
+                 header->utime != query->getColumn(3).getInt64()) {
+        *what = "its payload names another record";
+      }
+      return true;
+    } catch (const SQLite::Exception& e) {
+      if (!IsDamage(e)) throw;
+      *what = e.what();
+      *is_readable = false;
+      return false;
+    }
+  };
+  EncodedRecord record;
+  std::string what;
+  const auto take = [&] {
+    if (what.empty()) return visit(std::move(record));
+    if (on_damaged) on_damaged(seq, record.channel, what);
+    return true;
+  };
+  bool is_readable = true;
+  {
+    Use query = Prepare(select + "seq >= ? AND seq <= ? ORDER BY seq");
+    query->bind(1, session.id);
+    query->bind(2, first);
+    query->bind(3, last);
+    while (read(query.get(), &record, &what, &is_readable)) {
+      if (!take()) return;
+      ++seq;
+    }
+  }
+  // Behind a damaged page the others are still to be had, one by one.
+  for (; !is_readable && seq <= last; ++seq) {
+    Use query = Prepare(select + "seq = ?");
+    query->bind(1, session.id);
+    query->bind(2, seq);
+    bool is_row_readable = true;
+    record.channel.clear();
+    const bool found = read(query.get(), &record, &what, &is_row_readable);
+    if ((found || !is_row_readable) && !take()) return;
   }
 }
 
@@ -131,6 +191,11 @@ std::optional<std::vector<uint8_t>> Database::ReadPayload(int64_t session, int64
   query->bind(2, seq);
   if (!query->executeStep()) return std::nullopt;
   return ReadBlob<uint8_t>(query->getColumn(0));
+}
+
+bool IsDamage(const SQLite::Exception& e) {
+  const int code = e.getErrorCode() & 0xff;
+  return code == SQLITE_CORRUPT || code == SQLITE_NOTADB || code == SQLITE_TOOBIG || code == SQLITE_NOMEM;
 }
 
 }  // namespace mapmend

@@ -32,7 +32,12 @@ struct GapRow {
 // thread.
 class Database {
  public:
-  enum class Mode { kReadWrite, kReadOnly };
+  enum class Mode {
+    kReadWrite,
+    kReadOnly,
+    kScratch,  // empty, of the newest schema, in a file that SQLite makes and removes; the path is not used
+    kDamaged,  // read only, whatever the file's header says; for older schemas too
+  };
 
   // Throws std::runtime_error with one line if the file cannot be used (FileGuard), SQLite::Exception if SQLite fails.
   // kReadWrite creates and migrates. kReadOnly refuses older schemas: only a writer migrates.
@@ -64,18 +69,24 @@ class Database {
 
   std::vector<SessionRow> Sessions();
   std::vector<GapRow> Gaps(int64_t session);
-  // Calls visit for the records first .. last of a session in order, until it returns false.
+  // Calls visit for the sound records first .. last of a session in order, until it returns false. One that its
+  // checksum, its header or SQLite tells to be damaged is left out, and on_damaged called for it.
+  using OnDamaged = std::function<void(int64_t seq, const std::string& channel, const std::string& what)>;
   void ReadRecords(const SessionRow& session, int64_t first, int64_t last,
-                   const std::function<bool(EncodedRecord)>& visit);
+                   const std::function<bool(EncodedRecord)>& visit, const OnDamaged& on_damaged = {});
   // The row's payload, or nullopt.
   std::optional<std::vector<uint8_t>> ReadPayload(int64_t session, int64_t seq);
 
  private:
   std::string path_;
-  FileGuard guard_;
+  std::unique_ptr<FileGuard> guard_;  // none in scratch
+  bool has_checksums_ = true;
   std::unique_ptr<SQLite::Database> sql_;
   std::function<void()> commit_hook_;
   std::map<std::string, std::unique_ptr<SQLite::Statement>> statements_;
 };
+
+// Whether the file, not the disk or another program, is the reason.
+bool IsDamage(const SQLite::Exception& e);
 
 }  // namespace mapmend

@@ -15,8 +15,11 @@ void AddDbCommands(CLI::App* app);
 // Sessions, submaps, sizes.
 void PrintDbInfo(const std::string& path);
 
-// Reads everything and says what is wrong, one line each. Empty: the file is sound.
+// Reads everything and says what is wrong, one line each. Empty: the file is sound. Every bit that can change what the
+// file says is looked at: by a checksum, or by making anew what is derived.
 std::vector<std::string> CheckDb(const std::string& path);
+// For people, from a record's channel: " (keyframe)"; empty if it is none.
+std::string DescribeChannel(const std::string& channel);
 
 // Rewrites the file without free pages, and brings it up to the newest schema.
 void CompactDb(const std::string& path);

@@ -61,8 +61,12 @@ void CopyEdgeDecisions(SQLite::Database* out, const std::string& path) {
   attach.bind(1, path);
   attach.exec();
   const std::string columns = "session_a, submap_a, session_b, submap_b, disabled";
-  out->exec("INSERT INTO main.edge_decision(" + columns + ") SELECT " + columns +
-            " FROM source.edge_decision ORDER BY number");
+  // Their numbers, which the checksum covers, are new.
+  const std::string number =
+      "(SELECT ifnull(max(number), 0) FROM main.edge_decision) + row_number() OVER (ORDER BY number)";
+  out->exec("INSERT INTO main.edge_decision(number, " + columns + ", checksum) SELECT n, " + columns +
+            ", row_checksum(n, " + columns + ") FROM (SELECT " + number + " AS n, " + columns +
+            " FROM source.edge_decision)");
   out->exec("DETACH DATABASE source");
 }
 

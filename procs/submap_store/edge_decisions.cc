@@ -48,14 +48,17 @@ edge_decisions_t EdgeDecisions::Decide(const edge_request_t& request) {
   }
   if (all.size() > before) {
     SQLite::Transaction transaction(database_->Sql());
+    int64_t number = database_->Sql().execAndGet("SELECT ifnull(max(number), 0) FROM edge_decision").getInt64();
     for (size_t i = before; i < all.size(); ++i) {
       auto insert = database_->Prepare(
-          "INSERT INTO edge_decision(session_a, submap_a, session_b, submap_b, disabled) VALUES(?, ?, ?, ?, ?)");
-      insert->bind(1, all[i].session_a);
-      insert->bind(2, all[i].submap_a);
-      insert->bind(3, all[i].session_b);
-      insert->bind(4, all[i].submap_b);
-      insert->bind(5, all[i].disabled != 0 ? 1 : 0);
+          "INSERT INTO edge_decision(number, session_a, submap_a, session_b, submap_b, disabled, checksum) "
+          "VALUES(?1, ?2, ?3, ?4, ?5, ?6, row_checksum(?1, ?2, ?3, ?4, ?5, ?6))");
+      insert->bind(1, ++number);
+      insert->bind(2, all[i].session_a);
+      insert->bind(3, all[i].submap_a);
+      insert->bind(4, all[i].session_b);
+      insert->bind(5, all[i].submap_b);
+      insert->bind(6, all[i].disabled != 0 ? 1 : 0);
       insert->exec();
     }
     transaction.commit();

@@ -64,12 +64,12 @@ FileGuard::FileGuard(const std::string& path, Access access) {
   std::string error;
   if (exclusive && flock(fd_, LOCK_EX | LOCK_NB) != 0) {
     error = "is in use by another submap_store or tool";
-  } else {
+  } else if (access != Access::kSharedUnseen) {
     error = Inspect(fd_, path);
   }
   if (error.empty()) {
     struct stat info {};
-    if (!exclusive && fstat(fd_, &info) == 0 && info.st_size == 0) error = "is empty";
+    if (access == Access::kShared && fstat(fd_, &info) == 0 && info.st_size == 0) error = "is empty";
     struct stat wal {};
     const bool has_wal = stat((path + "-wal").c_str(), &wal) == 0 && wal.st_size > 0;
     is_at_rest_ = !exclusive && !has_wal && flock(fd_, LOCK_SH | LOCK_NB) == 0;

@@ -8,8 +8,9 @@ namespace mapmend {
 class FileGuard {
  public:
   enum class Access {
-    kShared,     // reading; a store may be running on it
-    kExclusive,  // the one that writes; created if absent
+    kShared,        // reading; a store may be running on it
+    kSharedUnseen,  // reading what may be damaged: only a file that cannot be opened is refused
+    kExclusive,     // the one that writes; created if absent
   };
 
   // Throws std::runtime_error with one line that names the file, and leaves it as it was, if it is missing (kShared),

@@ -109,8 +109,9 @@ std::optional<revision_ack_t> RevisionStore::Store(const uint8_t* data, int size
   }
   SQLite::Transaction transaction(database_->Sql());
   Delete(database_, number);
-  auto insert =
-      database_->Prepare("INSERT INTO revision(revision, refined, final, num_parts, payload) VALUES(?, ?, ?, ?, ?)");
+  auto insert = database_->Prepare(
+      "INSERT INTO revision(revision, refined, final, num_parts, payload, checksum) "
+      "VALUES(?1, ?2, ?3, ?4, ?5, row_checksum(?1, ?2, ?3, ?4, ?5))");
   insert->bind(1, number);
   insert->bind(2, revision.transforms.refined != 0 ? 1 : 0);
   insert->bind(3, revision.transforms.is_final != 0 ? 1 : 0);
@@ -136,7 +137,8 @@ std::optional<revision_ack_t> RevisionStore::StorePart(const uint8_t* data, int 
   SQLite::Transaction transaction(database_->Sql());
   {
     auto insert = database_->Prepare(
-        "INSERT OR REPLACE INTO revision_part(revision, part, session, submap, payload) VALUES(?, ?, ?, ?, ?)");
+        "INSERT OR REPLACE INTO revision_part(revision, part, session, submap, payload, checksum) "
+        "VALUES(?1, ?2, ?3, ?4, ?5, row_checksum(?1, ?2, ?3, ?4, ?5))");
     insert->bind(1, part.revision);
     insert->bind(2, part.part);
     insert->bind(3, part.session);
@@ -169,15 +171,20 @@ revision_fetched_t RevisionStore::Fetch(const revision_fetch_t& request) {
   reply.status = revision_fetched_t::NONE;
   reply.revision = request.revision < 0 ? NewestComplete() : request.revision;
   reply.part = request.part;
-  auto revision = database_->Prepare("SELECT num_parts, payload FROM revision WHERE revision = ?");
+  auto revision = database_->Prepare(
+      "SELECT num_parts, payload, checksum IS row_checksum(revision, refined, final, num_parts, payload) FROM revision "
+      "WHERE revision = ?");
   revision->bind(1, reply.revision);
   if (!revision->executeStep()) return reply;
   reply.num_parts = revision->getColumn(0).getInt();
   if (request.part < 0) {
+    if (revision->getColumn(2).getInt() == 0) return reply;  // damaged: as good as none
     reply.data = ReadBlob<uint8_t>(revision->getColumn(1));
     reply.status = revision_fetched_t::OK;
   } else {
-    auto part = database_->Prepare("SELECT payload FROM revision_part WHERE revision = ? AND part = ?");
+    auto part = database_->Prepare(
+        "SELECT payload FROM revision_part WHERE revision = ? AND part = ? AND checksum IS row_checksum(revision, "
+        "part, session, submap, payload)");
     part->bind(1, reply.revision);
     part->bind(2, request.part);
     if (part->executeStep()) {

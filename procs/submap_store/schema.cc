@@ -2,6 +2,8 @@
 
 #include <string>
 
+#include "procs/submap_store/row_checksum.h"
+
 namespace mapmend {
 namespace {
 
@@ -162,11 +164,25 @@ DELETE FROM keyframe_geometry;
 ALTER TABLE keyframe_geometry RENAME COLUMN map_points TO observations;
 UPDATE submap SET has_geometry = 0;
 )sql",
+    // 6: what cannot be made again from something else carries a checksum. It is what tells damage: never NULL.
+    R"sql(
+ALTER TABLE record ADD COLUMN checksum INTEGER;
+ALTER TABLE gap ADD COLUMN checksum INTEGER;
+ALTER TABLE revision ADD COLUMN checksum INTEGER;
+ALTER TABLE revision_part ADD COLUMN checksum INTEGER;
+ALTER TABLE edge_decision ADD COLUMN checksum INTEGER;
+UPDATE record SET checksum = row_checksum(channel, payload);
+UPDATE gap SET checksum = row_checksum(first_seq, last_seq, reason);
+UPDATE revision SET checksum = row_checksum(revision, refined, final, num_parts, payload);
+UPDATE revision_part SET checksum = row_checksum(revision, part, session, submap, payload);
+UPDATE edge_decision SET checksum = row_checksum(number, session_a, submap_a, session_b, submap_b, disabled);
+)sql",
 };
 
 }  // namespace
 
 void Migrate(SQLite::Database* database, int version) {
+  AddRowChecksum(database);
   int at = database->execAndGet("PRAGMA user_version").getInt();
   for (; at < version; ++at) {
     SQLite::Transaction transaction(*database);

@@ -9,7 +9,7 @@
 namespace mapmend {
 
 inline constexpr int32_t kApplicationId = 0x4d4d4150;  // "MMAP", in the file's header
-inline constexpr int kSchemaVersion = 5;               // PRAGMA user_version
+inline constexpr int kSchemaVersion = 6;               // PRAGMA user_version
 
 // Brings a database from the version it has (0: empty) to `version` (of at most kSchemaVersion), one transaction per
 // step.

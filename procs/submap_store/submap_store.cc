@@ -216,8 +216,9 @@ void SubmapStore::Write(SessionState* state) {
   int64_t row = state->row;
   for (const LogItem& item : state->uncommitted) {
     if (const auto* gap = std::get_if<LogGap>(&item)) {
-      auto insert =
-          database_.Prepare("INSERT OR IGNORE INTO gap(session, first_seq, last_seq, reason) VALUES(?, ?, ?, ?)");
+      auto insert = database_.Prepare(
+          "INSERT OR IGNORE INTO gap(session, first_seq, last_seq, reason, checksum) VALUES(?1, ?2, ?3, ?4, "
+          "row_checksum(?2, ?3, ?4))");
       insert->bind(1, row);
       insert->bind(2, gap->first_seq);
       insert->bind(3, gap->last_seq);
@@ -228,8 +229,9 @@ void SubmapStore::Write(SessionState* state) {
     const auto& [encoded, record] = std::get<LogEntry>(item);
     if (const auto* start = std::get_if<SessionStarted>(&record.body))
       row = InsertSession(&database_, record.header, *start);
-    auto insert =
-        database_.Prepare("INSERT OR IGNORE INTO record(session, seq, channel, utime, payload) VALUES(?, ?, ?, ?, ?)");
+    auto insert = database_.Prepare(
+        "INSERT OR IGNORE INTO record(session, seq, channel, utime, payload, checksum) VALUES(?1, ?2, ?3, ?4, ?5, "
+        "row_checksum(?3, ?5))");
     insert->bind(1, row);
     insert->bind(2, record.header.seq);
     insert->bind(3, encoded.channel);

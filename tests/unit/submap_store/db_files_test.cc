@@ -113,9 +113,10 @@ TEST_F(DbFiles, ObservationsOfSchema3ArePacked) {
     database.exec("PRAGMA application_id = " + std::to_string(kApplicationId));
     Migrate(&database, 3);
     database.exec("ATTACH DATABASE '" + db_ + "' AS new");
-    for (const char* table : {"session", "record", "submap", "keyframe", "keyframe_bow", "map_points"}) {
+    for (const char* table : {"session", "submap", "keyframe", "keyframe_bow", "map_points"}) {
       database.exec(std::string("INSERT INTO main.") + table + " SELECT * FROM new." + table);
     }
+    database.exec("INSERT INTO main.record SELECT session, seq, channel, utime, payload FROM new.record");
     database.exec(
         "INSERT INTO main.keyframe_geometry SELECT session, keyframe, cam_from_submap, zeroblob(400), covisible "
         "FROM new.keyframe_geometry");
@@ -297,7 +298,7 @@ TEST_F(DbFiles, HashIsOfContentNotOfPages) {
   CompactDb(db_);
   EXPECT_EQ(HashDb(db_).stream, before);
   { SQLite::Database(db_, SQLite::OPEN_READWRITE).exec("UPDATE record SET payload = x'00' WHERE seq = 8"); }
-  EXPECT_NE(HashDb(db_).stream, before);
+  EXPECT_THROW(HashDb(db_), std::runtime_error);  // a digest of damage says nothing
 }
 
 TEST_F(DbFiles, RevisionsAreStoredReplacedAndFoundAgain) {
