@@ -38,10 +38,10 @@ struct StationOptions {
 class FlightBook {
  public:
   FlightBook(Bus* bus, Progress* progress) : progress_(progress) {
-    bus->Subscribe<session_t>(channels::kSession, Delivery::kKeepAll,
-                              [this](const session_t& message) { OnSession(message); });
-    bus->Subscribe<submap_t>(channels::kSubmap, Delivery::kKeepAll,
-                             [this](const submap_t& message) { OnSubmap(message); });
+    sessions_ = bus->Subscribe<session_t>(channels::kSession, Delivery::kKeepAll,
+                                          [this](const session_t& message) { OnSession(message); });
+    submaps_ = bus->Subscribe<submap_t>(channels::kSubmap, Delivery::kKeepAll,
+                                        [this](const submap_t& message) { OnSubmap(message); });
   }
 
   int NumOpen() const {
@@ -84,6 +84,7 @@ class FlightBook {
 
   Progress* progress_;
   std::map<std::string, Flight> flights_;
+  Subscription sessions_, submaps_;
 };
 
 // The addresses under which other hosts reach us, for the line that tells what to type on board.
