@@ -26,7 +26,7 @@ constexpr size_t kNumLatest = 2;       // messages kept of a channel that wants 
 std::string NewPingChannel() {
   std::random_device random;
   char name[40];
-  std::snprintf(name, sizeof(name), "LINK_PING_%08x%08x", random(), random());
+  std::snprintf(name, sizeof(name), "MAPMEND_PING_%08x%08x", random(), random());
   return name;
 }
 

@@ -180,7 +180,10 @@ void RunFrontend(const SyntheticStreamOptions& flight, int port, const std::stri
   RecordBody body;
   for (int64_t seq = 0; stream.Next(&utime, &body); ++seq) {
     if (seq <= sender.LastSeq()) continue;  // an earlier life of this frontend made it
+    const auto begin = std::chrono::steady_clock::now();
     sender.Append(utime, std::move(body));
+    const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - begin;
+    if (took.count() > progress->longest_append_ms) progress->longest_append_ms = took.count();
     progress->appended = seq;
     publish_progress();
     if (pause_us > 0) usleep(static_cast<useconds_t>(pause_us));

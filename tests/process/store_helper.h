@@ -59,6 +59,7 @@ bool PollUntil(const std::function<bool()>& condition, int timeout_ms);
 struct SharedProgress {
   volatile int64_t appended = -1, acknowledged = -1;
   volatile bool store_reports_error = false;
+  volatile double longest_append_ms = 0;  // how long it ever waited in StreamSender::Append
 };
 SharedProgress* MapSharedProgress();
 // Memory that this process shares with those it forks; never freed.
