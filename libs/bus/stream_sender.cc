@@ -191,8 +191,9 @@ StreamSender::~StreamSender() {
 int64_t StreamSender::Append(int64_t utime, RecordBody body) {
   Record record{{impl_->session, -1, utime}, std::move(body)};
   const std::lock_guard<std::mutex> lock(impl_->mutex);
-  record.header.seq = ++impl_->last_seq;
-  EncodedRecord encoded = EncodeRecord(record);
+  record.header.seq = impl_->last_seq + 1;
+  EncodedRecord encoded = EncodeRecord(record);  // may throw: then it has no number
+  ++impl_->last_seq;
   impl_->queue_bytes += static_cast<int64_t>(encoded.data.size());
   impl_->queue.push_back(std::move(encoded));
   while (impl_->queue_bytes > impl_->options.max_queue_bytes && impl_->queue.size() > 1) {

@@ -20,6 +20,7 @@ void AddRunCommand(CLI::App* app);
 void AddPublishCommand(CLI::App* app);
 void AddReplayCommand(CLI::App* app);
 void AddStatusCommand(CLI::App* app);
+void AddCloseCommand(CLI::App* app);
 void AddSpyCommand(CLI::App* app);
 void AddDoctorCommand(CLI::App* app);
 void AddVocabCommand(CLI::App* app);

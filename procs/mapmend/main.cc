@@ -20,6 +20,7 @@ int main(int argc, char** argv) {
   mapmend::AddReplayCommand(&app);
   mapmend::AddPublishCommand(&app);
   mapmend::AddStatusCommand(&app);
+  mapmend::AddCloseCommand(&app);
   mapmend::AddExportCommand(&app);
   mapmend::AddMergeCommand(&app);
   mapmend::AddEdgesCommand(&app);
