@@ -45,3 +45,19 @@ foreach(module core imgproc imgcodecs videoio features2d calib3d)
   find_library(OPENCV_${module}_LIBRARY opencv_${module} REQUIRED)
   target_link_libraries(mapmend_opencv INTERFACE ${OPENCV_${module}_LIBRARY})
 endforeach()
+
+# Videos: OpenCV's own reader cannot choose a track, and knows neither edit lists nor times of its frames to the end.
+add_library(mapmend_libav INTERFACE)
+find_path(LIBAV_INCLUDE_DIR libavformat/avformat.h REQUIRED)
+target_include_directories(mapmend_libav SYSTEM INTERFACE ${LIBAV_INCLUDE_DIR})
+foreach(library avformat avcodec avutil swscale)
+  find_library(LIBAV_${library}_LIBRARY ${library} REQUIRED)
+  target_link_libraries(mapmend_libav INTERFACE ${LIBAV_${library}_LIBRARY})
+endforeach()
+
+# JPEG: tells when a part of an image is missing. Capture times: EXIF.
+foreach(library turbojpeg exiv2)
+  find_library(${library}_LIBRARY ${library} REQUIRED)
+  add_library(mapmend_${library} INTERFACE)
+  target_link_libraries(mapmend_${library} INTERFACE ${${library}_LIBRARY})
+endforeach()

@@ -1,46 +1,92 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "libs/capture/clip.h"
 #include "libs/capture/image_stream.h"
-
-namespace cv {
-class VideoCapture;
-}  // namespace cv
+#include "libs/capture/left_out.h"
+#include "libs/capture/steady_range.h"
 
 namespace mapmend {
 
 // Frame indices to leave out, from text like "80-120,200-240,300". Throws std::runtime_error naming what is malformed.
 std::set<int> ParseFrameRanges(const std::string& text);
 
-// Frames of a video file or of a folder of images (in the order of their names).
+struct SourceOptions {
+  // Videos, folders of images, or images; the clips of one flight, in order.
+  std::vector<std::string> inputs;
+  std::string times_path;  // one time per frame of all inputs; empty: the inputs' own times, else a rate
+  double camera_fps = 0;   // that rate where the input has none; 0: 30
+  std::set<int> skip;      // indices of frames to leave out
+  int every = 1;           // only each so manyth frame
+  double start_s = 0;      // only frames from so many seconds after the first one on ...
+  double end_s = std::numeric_limits<double>::infinity();  // ... and before this
+  int width = 0, height = 0;  // of the images, pixels; others are left out. 0: the size that most of them have
+};
+
+// The frames of a flight's input files. Whoever counts frames and whoever reads them asks this class. A frame that
+// cannot be used (unreadable, cut short, of another size, of a time that does not grow) is left out, and counted.
 class ImageSource : public ImageStream {
  public:
-  // times_path may be empty: then times follow from the video's frame rate (or camera_fps for folders). Throws
-  // std::runtime_error with one line if there is nothing to read, or times has fewer lines than there are frames.
-  ImageSource(const std::string& input, const std::string& times_path, double camera_fps, const std::set<int>& skip);
+  // Throws std::runtime_error with one line that names the input if there is nothing to read, or the times file does
+  // not fit.
+  explicit ImageSource(const SourceOptions& options);
   ~ImageSource() override;
 
+  // Throws std::runtime_error at the end if not one frame could be used.
   std::optional<SourceImage> Next() override;
-  int NumFrames() const { return num_frames_; }                // that Next will give, as announced by the input
-  const std::string& Truncated() const { return truncated_; }  // one line if the input ended before its announced end
+  // Frames that Next will give, left out ones included: exactly, or 0 if nobody can know.
+  int NumFrames() const { return num_frames_; }
+  // The same for a progress line; may be wrong.
+  int FramesHint() const { return frames_hint_; }
+  // Width and height that most frames have.
+  std::pair<int, int> UsualSize() const;
+  // Lines for the user before it begins: which order, which times, what was passed over.
+  const std::vector<std::string>& Notes() const { return notes_; }
+  const LeftOut& GetLeftOut() const { return left_out_; }
+  // One line if not all of the input could be used, else empty: it ended early, or frames were left out.
+  std::string Problem() const;
 
  private:
-  int64_t Time(int index) const;
+  void OpenClips();
+  void CheckTimes();
+  void CountFrames();
+  void TellTimes();
+  bool GrabNext();
+  void BeginClip();
+  void EndOfInput();
+  // nullopt if the frame's time does not grow.
+  std::optional<int64_t> TimeOfFrame();
+  void Refuse(const std::string& why);
+  void Miss(const std::string& why);
 
-  std::string input_;
-  std::vector<std::string> files_;
-  std::unique_ptr<cv::VideoCapture> video_;
+  SourceOptions options_;
+  std::vector<std::unique_ptr<Clip>> clips_;
   std::vector<int64_t> times_;
-  double fps_ = 0;
-  std::set<int> skip_;
-  int next_ = 0, total_ = 0, num_frames_ = 0;
-  std::string truncated_;
+  std::vector<std::string> notes_;
+  int num_frames_ = 0, frames_hint_ = 0;
+  bool all_counted_ = true;  // num_frames of every clip is known
+
+  size_t clip_ = 0;
+  int index_ = -1;  // of the frame that was grabbed, in the whole input
+  int index_in_clip_ = -1;
+  int num_given_ = 0;
+  int64_t clip_begin_ = 0;  // time of the clip's first frame where clips tell times since then
+  int64_t last_step_ = 0;
+  int num_back_ = 0;  // frames in a row whose times are before the last good one's
+  std::optional<int64_t> first_utime_, last_utime_;
+  SteadyRange range_;
+  LeftOut left_out_;
+  mutable std::mutex mutex_;
+  std::string missing_;  // why the input ended early
 };
 
 }  // namespace mapmend

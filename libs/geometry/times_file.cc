@@ -23,7 +23,8 @@ std::string Quoted(const std::string& text) { return std::string(1, '"').append(
 
 class Reader {
  public:
-  Reader(const std::string& path, const TextTable& table) : path_(path), table_(table) {
+  Reader(const std::string& path, const TextTable& table, NotGrowing not_growing)
+      : path_(path), table_(table), not_growing_(not_growing) {
     num_columns_ = std::numeric_limits<size_t>::max();
     for (const TextRow& row : table.rows) num_columns_ = std::min(num_columns_, row.fields.size());
   }
@@ -47,6 +48,10 @@ class Reader {
     if (times.unit != TimeUnit::kSeconds) times.note = std::string("in ") + NameOf(times.unit);
     if (column > 0) times.note += (times.note.empty() ? "from column " : ", column ") + std::to_string(column + 1);
     if (!times.note.empty()) times.note = "times " + path_ + ": read " + times.note;
+    if (num_back_ > 0) {
+      times.note += (times.note.empty() ? "times " + path_ + ": " : "; ") + std::to_string(num_back_) +
+                    (num_back_ == 1 ? " line is" : " lines are") + " not later than the one before";
+    }
     return times;
   }
 
@@ -62,10 +67,18 @@ class Reader {
       Fail(row, Quoted(text) + " is no time in " + NameOf(times->unit) +
                     ", the unit of the file; a first line such as \"# [ns]\" names another (s, ms, us, ns)");
     }
-    if (!times->utimes.empty() && utime <= times->utimes.back()) {
+    if (!times->utimes.empty() && utime <= last_ && ++num_back_ > MaxBack()) {
       Fail(row, Quoted(text) + " is not later than the time before; take the frame and its line out");
     }
     times->utimes.push_back(utime);
+    last_ = times->utimes.size() == 1 ? utime : std::max(last_, utime);
+  }
+
+  // A file of some length may hold a few.
+  int MaxBack() const {
+    constexpr int kSome = 10, kShare = 20;
+    const int count = static_cast<int>(table_.rows.size());
+    return not_growing_ == NotGrowing::kRefuse || count < kSome ? 0 : std::max(1, count / kShare);
   }
 
   void RefuseDates() const {
@@ -168,15 +181,18 @@ class Reader {
 
   const std::string& path_;
   const TextTable& table_;
+  const NotGrowing not_growing_;
+  int64_t last_ = 0;  // of the times, the latest
+  int num_back_ = 0;
   size_t num_columns_ = 0;  // that every line has
 };
 
 }  // namespace
 
-FrameTimes ReadFrameTimes(const std::string& path) {
+FrameTimes ReadFrameTimes(const std::string& path, NotGrowing not_growing) {
   const TextTable table = ReadTextTable(path, "times file");
   if (table.rows.empty()) throw std::runtime_error("times file " + path + ": holds no time");
-  return Reader(path, table).Read();
+  return Reader(path, table, not_growing).Read();
 }
 
 std::optional<FrameTimes> TimesOfNames(const std::vector<std::string>& names) {

@@ -2,7 +2,6 @@
 
 #include <mapmend/image_t.hpp>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <utility>
 
@@ -35,19 +34,23 @@ std::optional<std::pair<int, int>> JpegSize(const std::vector<uint8_t>& bytes) {
 }  // namespace
 
 bool IsEndOfStream(const image_t& message) {
-  return message.num_bytes == 0 && message.width == 0 && message.height == 0;
+  return message.num_bytes == 0 && message.width == 0 && message.height == 0 && message.utime == 0 &&
+         message.frame == 0;
 }
 
-std::string ImageProblem(const image_t& message, int width, int height, int64_t last_utime) {
-  if (message.format != image_t::JPEG && message.format != image_t::GREY8) {
-    return "format " + std::to_string(message.format) + " is not known; known are 0 (JPEG) and 1 (8-bit grey)";
+std::string ImageProblem(const image_t& message, int width, int height) {
+  if (message.num_bytes == 0) return "image without a byte";
+  if (message.format != image_t::JPEG && message.format != image_t::GREY8 && message.format != image_t::BGR8) {
+    return "format " + std::to_string(message.format) +
+           " is not known; known are 0 (JPEG), 1 (8-bit grey) and 2 (8-bit blue, green, red)";
   }
   if (message.width != width || message.height != height) {
     return "image of " + SizeText(message.width, message.height) + " pixels, the camera file says " +
            SizeText(width, height);
   }
-  if (message.format == image_t::GREY8 && message.num_bytes != static_cast<int64_t>(width) * height) {
-    return std::to_string(message.num_bytes) + " bytes for a grey image of " + SizeText(width, height) + " pixels";
+  const int64_t raw_size = static_cast<int64_t>(width) * height * (message.format == image_t::BGR8 ? 3 : 1);
+  if (message.format != image_t::JPEG && message.num_bytes != raw_size) {
+    return std::to_string(message.num_bytes) + " bytes for a raw image of " + SizeText(width, height) + " pixels";
   }
   if (message.format == image_t::JPEG) {
     const auto size = JpegSize(message.data);
@@ -56,23 +59,19 @@ std::string ImageProblem(const image_t& message, int width, int height, int64_t 
       return "JPEG of " + SizeText(size->first, size->second) + " pixels, the message says " + SizeText(width, height);
     }
   }
-  if (message.utime <= last_utime) return message.utime < 0 ? "time is negative" : "time does not grow";
-  return "";
+  return message.utime < 0 ? "time is negative" : "";
 }
 
-std::shared_ptr<cv::Mat> DecodeImage(const image_t& message) {
-  auto image = std::make_shared<cv::Mat>();
-  try {
-    if (message.format == image_t::GREY8) {
-      *image = cv::Mat(message.height, message.width, CV_8UC1, const_cast<uint8_t*>(message.data.data())).clone();
-    } else {
-      *image = cv::imdecode(message.data, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
-    }
-  } catch (const cv::Exception&) {
-    return nullptr;
+DecodedImage DecodeImage(const image_t& message) {
+  if (message.format == image_t::JPEG) {
+    DecodedImage image = DecodeJpeg(message.data.data(), message.data.size());
+    if (!image.pixels || (image.pixels->cols == message.width && image.pixels->rows == message.height)) return image;
+    return {nullptr, "has another size than its header says"};
   }
-  if (image->cols != message.width || image->rows != message.height || image->depth() != CV_8U) return nullptr;
-  return image;
+  const int type = message.format == image_t::BGR8 ? CV_8UC3 : CV_8UC1;
+  auto pixels = std::make_shared<cv::Mat>();
+  *pixels = cv::Mat(message.height, message.width, type, const_cast<uint8_t*>(message.data.data())).clone();
+  return {pixels, ""};
 }
 
 }  // namespace mapmend

@@ -1,28 +1,23 @@
 #pragma once
 
-#include <cstdint>
-#include <memory>
 #include <string>
 
-namespace cv {
-class Mat;
-}  // namespace cv
+#include "libs/capture/decode_image.h"
 
 // Images on MAPMEND_IMAGE are untrusted: from any camera process, over a network.
 namespace mapmend {
 
 class image_t;
 
-// The camera says that no more images come: an image of no size, without bytes.
+// The camera says that no more images come: an image_t with all fields 0. One alone proves nothing (ends_of_stream.h).
 bool IsEndOfStream(const image_t& message);
 
 // Why an image is refused, one line; empty if it may be decoded. A JPEG's own header must agree, so that decoding never
 // allocates more than the camera's size.
 //   width, height  of the camera
-//   last_utime     of the last image that was not refused; times must grow
-std::string ImageProblem(const image_t& message, int width, int height, int64_t last_utime);
+std::string ImageProblem(const image_t& message, int width, int height);
 
-// 8-bit grey or BGR. Null if the JPEG is damaged. Call only without ImageProblem.
-std::shared_ptr<cv::Mat> DecodeImage(const image_t& message);
+// 8-bit grey or BGR; without pixels if the JPEG is damaged. Call only without ImageProblem.
+DecodedImage DecodeImage(const image_t& message);
 
 }  // namespace mapmend

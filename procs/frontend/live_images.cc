@@ -2,27 +2,40 @@
 
 #include <spdlog/spdlog.h>
 
-#include <algorithm>
+#include <chrono>
 #include <mapmend/image_t.hpp>
 #include <opencv2/core.hpp>
+#include <stdexcept>
+#include <utility>
 
-#include "libs/bus/channels.h"
+#include "procs/frontend/foreign_image.h"
 #include "procs/frontend/image_message.h"
 
 namespace mapmend {
 namespace {
 
-constexpr int kMaxIndex = 1 << 30;  // of the protocol
+using Clock = std::chrono::steady_clock;
+
+int64_t Microseconds(Clock::time_point time) {
+  return std::chrono::duration_cast<std::chrono::microseconds>(time.time_since_epoch()).count();
+}
 
 }  // namespace
 
-LiveImages::LiveImages(const std::string& url, const std::string& channel_prefix, int width, int height,
-                       int max_waiting)
-    : width_(width), height_(height), bus_(url, channel_prefix), queue_(static_cast<size_t>(max_waiting)) {
-  subscription_ = bus_.Subscribe<image_t>(channels::kImage, Delivery::kLatest,
-                                          [this](const image_t& message) { Receive(message); });
+LiveImages::LiveImages(const std::string& url, const std::string& channel_prefix, const std::string& channel, int width,
+                       int height, int max_waiting)
+    : width_(width),
+      height_(height),
+      name_("channel " + channel_prefix + channel),
+      bus_(url, channel_prefix),
+      queue_(static_cast<size_t>(max_waiting)) {
+  subscription_ =
+      bus_.SubscribeRaw(channel, Delivery::kLatest, [this](const uint8_t* data, int size) { ReceiveRaw(data, size); });
   thread_ = std::thread([this] {
-    while (!stop_) bus_.Handle(50);
+    while (!stop_) {
+      bus_.Handle(50);
+      if (ends_.HasEnded(Clock::now())) queue_.Close();
+    }
   });
 }
 
@@ -31,33 +44,54 @@ LiveImages::~LiveImages() {
   thread_.join();
 }
 
-void LiveImages::Receive(const image_t& message) {
-  if (IsEndOfStream(message)) {
-    queue_.Close();
+void LiveImages::ReceiveRaw(const uint8_t* data, int size) {
+  auto message = std::make_shared<image_t>();
+  const bool is_ours = message->decode(data, 0, size) == size;
+  // The bus counts what is thrown here as refused.
+  if (!is_ours && !DecodeForeignImage(data, size, message.get()))
+    throw std::runtime_error("neither mapmend's image_t nor bot_core's");
+  Receive(std::move(message));
+}
+
+void LiveImages::Receive(std::shared_ptr<image_t> message) {
+  const auto now = Clock::now();
+  if (IsEndOfStream(*message)) {
+    ends_.Said(now);
     return;
   }
-  if (const std::string problem = ImageProblem(message, width_, height_, last_utime_); !problem.empty()) {
+  if (const std::string problem = ImageProblem(*message, width_, height_); !problem.empty()) {
     Refuse(problem);
     return;
   }
-  last_utime_ = message.utime;
-  // The camera's own number as long as it grows; a camera that was started again is counted on from here.
-  last_index_ = message.frame > last_index_ && message.frame < kMaxIndex ? message.frame : last_index_ + 1;
-  queue_.Push({last_index_, std::make_shared<image_t>(message)});
+  ends_.GoodImage();
+  const ImageOrder::Decision decision = order_.Add(message->utime, message->frame, Microseconds(now));
+  held_[decision.id] = std::move(message);
+  num_held_ = order_.NumHeld();
+  for (const int64_t stray : decision.strays) {
+    Refuse("its time or number does not follow those of the images before and after it");
+    held_.erase(stray);
+  }
+  for (const ImageOrder::Good& good : decision.good) {
+    queue_.Push({good, held_.at(good.id)});
+    held_.erase(good.id);
+  }
+  if (!decision.held_because.empty()) problems_.Tell(decision.held_because);
+  if (!decision.event.empty()) {
+    problems_.Tell(decision.event);
+    spdlog::warn("{}: {}", name_, decision.event);
+  }
 }
 
 void LiveImages::Refuse(const std::string& problem) {
-  const int64_t count = ++num_bad_;
+  const int64_t count = problems_.Add(problem);
   if (count <= 10 || count % 1000 == 0) spdlog::warn("image refused ({} in all): {}", count, problem);
-  const std::lock_guard lock(mutex_);
-  last_problem_ = problem;
 }
 
 std::optional<SourceImage> LiveImages::Next() {
   while (auto arrival = queue_.Pop()) {
-    if (auto pixels = DecodeImage(*arrival->message))
-      return SourceImage{arrival->index, arrival->message->utime, std::move(pixels)};
-    Refuse("the JPEG is damaged");
+    DecodedImage image = DecodeImage(*arrival->message);
+    if (image.pixels) return SourceImage{arrival->place.index, arrival->place.utime, std::move(image.pixels)};
+    Refuse("the JPEG " + image.problem);
   }
   return std::nullopt;
 }
@@ -65,11 +99,6 @@ std::optional<SourceImage> LiveImages::Next() {
 void LiveImages::Stop() {
   stop_ = true;
   queue_.Clear();
-}
-
-std::string LiveImages::LastProblem() const {
-  const std::lock_guard lock(mutex_);
-  return last_problem_;
 }
 
 }  // namespace mapmend

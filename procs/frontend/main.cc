@@ -13,13 +13,18 @@ int main(int argc, char** argv) {
   mapmend::RunOptions options;
   CLI::App app("frontend: tracks one camera and publishes keyframes, map updates and loss events.", "frontend");
   mapmend::AddProcessOptions(&app, &options.process);
-  app.add_option("input", options.input, "video file or folder of images; none with --live");
+  app.add_option("input", options.inputs, "video files, folders of images, or images: one flight; none with --live");
   app.add_option("--camera", options.camera_path, "calibration: ORB-SLAM, Kalibr or OpenCV yaml, or COLMAP cameras.txt")
       ->required();
   app.add_option("--times", options.times_path,
                  "time of each frame in seconds, one per line; else from the frame rate");
   app.add_option("--vocabulary", options.vocabulary_path, "vocabulary (mapmend's or DBoW2's text format)")->required();
   app.add_option("--skip-frames", options.skip_frames, "frames to leave out, e.g. 80-120,200-240");
+  app.add_option("--every", options.every, "only each so manyth frame")->check(CLI::Range(1, 100000));
+  app.add_option("--start", options.start_s, "only frames from so many seconds after the first one on")
+      ->check(CLI::Range(0.0, 1e9));
+  app.add_option("--end", options.end_s, "only frames before so many seconds after the first one")
+      ->check(CLI::Range(0.0, 1e9));
   app.add_option("--features", options.num_features, "ORB features per image; 0: 1000 up to one megapixel, 2000 above")
       ->capture_default_str();
   app.add_option("--max-dimension", options.max_dimension, "scale larger images down to this many pixels; 0: never")
@@ -32,6 +37,11 @@ int main(int argc, char** argv) {
                    "play the input at the pace of its times; frames that come while tracking is busy are dropped");
   auto* live_flag = app.add_flag(
       "--live", live, "images come over the bus, channel MAPMEND_IMAGE, until the camera ends the stream, or Ctrl-C");
+  app.add_option(
+      "--source", options.source,
+      "with --live: /dev/video0, rtsp://..., gst:PIPELINE, or a folder into which a camera writes; else the bus");
+  app.add_option("--image-channel", options.image_channel, "with --live: channel of mapmend's or bot_core's image_t")
+      ->capture_default_str();
   realtime_flag->excludes(lockstep_flag);
   live_flag->excludes(lockstep_flag)->excludes(realtime_flag);
   app.add_option("--speed", options.speed, "with --realtime: times as fast as the frames were taken")

@@ -9,7 +9,6 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/videoio.hpp>
 #include <stdexcept>
 
 #include "libs/bus/bus.h"
@@ -17,6 +16,8 @@
 #include "libs/bus/health.h"
 #include "libs/bus/stop_request.h"
 #include "libs/bus/stream_sender.h"
+#include "libs/capture/device_images.h"
+#include "libs/capture/follow_folder.h"
 #include "libs/capture/image_source.h"
 #include "libs/capture/paced_images.h"
 #include "libs/mapping/session_id.h"
@@ -30,7 +31,7 @@
 namespace mapmend {
 namespace {
 
-constexpr int kExitTruncatedInput = 3;
+constexpr int kExitPartOfInput = 3;  // not all of the input could be used
 constexpr int kTickMs = 200;
 // At the end, without progress: a store that refuses, and asked to stop, when the store may be gone.
 constexpr int kRefusedTimeoutMs = 20000, kStopTimeoutMs = 1500;
@@ -47,25 +48,32 @@ void CheckInput(const RunOptions& options) {
     if (given) throw std::runtime_error(std::string(what) + " does not go with --live");
   };
   if (options.mode == InputMode::kLive) {
-    refuse(!options.input.empty(), "an input file");
+    refuse(!options.inputs.empty(), "an input file");
     refuse(!options.times_path.empty(), "--times");
     refuse(!options.skip_frames.empty(), "--skip-frames");
-  } else if (options.input.empty()) {
+  } else if (options.inputs.empty()) {
     throw std::runtime_error("no input: give a video file or a folder of images, or --live");
   }
 }
 
-// The images of one run: a file, in real time or not, or a camera.
+std::unique_ptr<LiveStream> OpenLive(const RunOptions& options, const Camera& camera) {
+  if (options.source.empty()) {
+    return std::make_unique<LiveImages>(
+        options.local_url.empty() ? ResolveLcmUrl(options.process.lcm_url) : options.local_url,
+        options.process.channel_prefix, options.image_channel, camera.width, camera.height, options.max_waiting);
+  }
+  if (!DeviceImages::IsDevice(options.source))
+    return std::make_unique<FollowFolder>(options.source, camera.width, camera.height);
+  return std::make_unique<DeviceImages>(options.source, camera.width, camera.height, options.max_waiting,
+                                        [](const std::string& line) { spdlog::info("{}", line); });
+}
+
+// The images of one run: files, in real time or not, or a camera.
 class Input {
  public:
-  Input(const RunOptions& options, const Camera& camera, const std::set<int>& skip) {
-    if (options.mode == InputMode::kLive) {
-      live_ = std::make_unique<LiveImages>(
-          options.local_url.empty() ? ResolveLcmUrl(options.process.lcm_url) : options.local_url,
-          options.process.channel_prefix, camera.width, camera.height, options.max_waiting);
-      return;
-    }
-    file_ = std::make_unique<ImageSource>(options.input, options.times_path, camera.fps, skip);
+  // file: null for a camera.
+  Input(const RunOptions& options, const Camera& camera, std::unique_ptr<ImageSource> file) : file_(std::move(file)) {
+    if (!file_) live_ = OpenLive(options, camera);
     if (options.mode == InputMode::kRealtime)
       paced_ = std::make_unique<PacedImages>(file_.get(), options.speed, options.max_waiting);
   }
@@ -75,28 +83,55 @@ class Input {
     return file_.get();
   }
   int NumFrames() const { return file_ ? file_->NumFrames() : 0; }  // 0: nobody knows
+  int FramesHint() const { return file_ ? file_->FramesHint() : 0; }
+  int NumLeftOut() const { return file_ ? file_->GetLeftOut().Count() : 0; }
   int64_t NumBad() const { return live_ ? live_->NumBad() : 0; }
   std::string LastProblem() const { return live_ ? live_->LastProblem() : ""; }
-  std::string Truncated() const { return file_ ? file_->Truncated() : ""; }
+  std::string Name() const { return live_ ? live_->Name() : ""; }
+  std::string Problem() const { return file_ ? file_->Problem() : ""; }
+  void LogLeftOut() const {
+    if (!file_) return;
+    for (const std::string& sentence : file_->GetLeftOut().Sentences()) spdlog::warn("left out: {}", sentence);
+  }
 
  private:
-  std::unique_ptr<LiveImages> live_;
+  std::unique_ptr<LiveStream> live_;
   std::unique_ptr<ImageSource> file_;
   std::unique_ptr<PacedImages> paced_;  // reads file_
 };
 
-// A calibration file need not say the size of the images: then the first one does.
-Camera WithImageSize(Camera camera, const RunOptions& options, const std::set<int>& skip) {
-  if (camera.width > 0 && camera.height > 0) return camera;
-  if (options.mode == InputMode::kLive) {
+std::unique_ptr<ImageSource> OpenFiles(const RunOptions& options, const Camera& camera) {
+  SourceOptions source;
+  source.inputs = options.inputs;
+  source.times_path = options.times_path;
+  source.camera_fps = camera.fps;
+  source.skip = ParseFrameRanges(options.skip_frames);
+  source.every = options.every;
+  source.start_s = options.start_s;
+  source.end_s = options.end_s;
+  source.width = camera.width;
+  source.height = camera.height;
+  return std::make_unique<ImageSource>(source);
+}
+
+// A calibration file need not say the size of the images: then most of them do.
+//   file  null for a camera
+Camera WithImageSize(Camera camera, const RunOptions& options, const ImageSource* file) {
+  const bool says_size = camera.width > 0 && camera.height > 0;
+  if (file == nullptr) {
+    if (says_size) return camera;
     throw std::runtime_error("camera file " + options.camera_path +
                              ": does not say width and height, which --live needs");
   }
-  ImageSource source(options.input, "", camera.fps, skip);
-  const auto image = source.Next();
-  if (!image) throw std::runtime_error("input " + options.input + ": holds no readable frame");
-  camera.width = image->pixels->cols;
-  camera.height = image->pixels->rows;
+  const auto [width, height] = file->UsualSize();
+  if (width == 0) throw std::runtime_error("input " + options.inputs.front() + ": holds no readable frame");
+  if (says_size && (camera.width != width || camera.height != height)) {
+    throw std::runtime_error("input " + options.inputs.front() + ": its frames have " + std::to_string(width) + " x " +
+                             std::to_string(height) + " pixels, the camera file says " + std::to_string(camera.width) +
+                             " x " + std::to_string(camera.height));
+  }
+  camera.width = width;
+  camera.height = height;
   return camera;
 }
 
@@ -114,13 +149,20 @@ frame_pose_t ToMessage(const std::string& session, const Frame& frame, const Fra
   return message;
 }
 
+// For the report: "a.mp4", or "a.mp4 and 2 more".
+std::string NameInputs(const std::vector<std::string>& inputs) {
+  const std::filesystem::path first = std::filesystem::absolute(inputs.front()).lexically_normal();
+  const std::string name = (first.filename().empty() ? first.parent_path() : first).filename().string();
+  return inputs.size() == 1 ? name : name + " and " + std::to_string(inputs.size() - 1) + " more";
+}
+
 SessionStarted DescribeSession(const RunOptions& options, const Camera& camera, const Pyramid& pyramid,
                                const Vocabulary& vocabulary, int num_frames) {
   SessionStarted started;
   started.version = MAPMEND_VERSION;
   started.vehicle = options.vehicle;
-  started.source =
-      options.mode == InputMode::kLive ? "live camera" : std::filesystem::path(options.input).filename().string();
+  started.source = options.mode == InputMode::kLive ? (options.source.empty() ? "live camera" : options.source)
+                                                    : NameInputs(options.inputs);
   started.camera = camera;
   started.pinhole = camera.Ideal();
   started.pyramid = pyramid;
@@ -150,11 +192,11 @@ void WriteProfile(const std::string& path) {
 }
 
 std::string ExplainNoFrame(const RunOptions& options, const Input& input) {
-  if (options.mode != InputMode::kLive) return "input " + options.input + ": holds no readable frame";
-  if (input.NumBad() == 0) return "no image came on channel " + options.process.channel_prefix + channels::kImage;
-  const std::string problem = input.LastProblem().empty() ? "not an image_t" : input.LastProblem();
-  return "none of " + std::to_string(input.NumBad()) + " images on channel " + options.process.channel_prefix +
-         channels::kImage + " was good; the last: " + problem;
+  if (options.mode != InputMode::kLive) return "input " + options.inputs.front() + ": no frame is left to be mapped";
+  const std::string problem = input.LastProblem();
+  if (input.NumBad() == 0) return "no image came on " + input.Name() + (problem.empty() ? "" : "; " + problem);
+  return "none of " + std::to_string(input.NumBad()) + " images on " + input.Name() +
+         " was good; the last: " + (problem.empty() ? "not an image_t" : problem);
 }
 
 // Waits until the store has everything. A link that is down comes back, sooner or later: what waits for it is told, and
@@ -201,8 +243,10 @@ int RunFrontend(const RunOptions& options) {
   if (!options.profile_path.empty()) Profiler::Global().Enable();
   CheckInput(options);
   const bool is_live = options.mode == InputMode::kLive;
-  const std::set<int> skip = ParseFrameRanges(options.skip_frames);
-  const Camera input_camera = WithImageSize(ReadCamera(options.camera_path), options, skip);
+  const Camera given_camera = ReadCamera(options.camera_path);
+  std::unique_ptr<ImageSource> file;
+  if (!is_live) file = OpenFiles(options, given_camera);
+  const Camera input_camera = WithImageSize(given_camera, options, file.get());
   Camera camera = input_camera;
   const int dimension = std::max(camera.width, camera.height);
   if (options.max_dimension > 0 && dimension > options.max_dimension)
@@ -236,11 +280,11 @@ int RunFrontend(const RunOptions& options) {
   FlightDiary diary(&events, &health);
 
   // Last of all: a camera or a clock does not wait.
-  const Input input(options, input_camera, skip);
+  const Input input(options, input_camera, std::move(file));
   FrameQueue queue(input.Stream(), &maker, options.mode == InputMode::kLockstep ? 3 : 1);
-  health.SetCounter("frames_total", input.NumFrames());
+  health.SetCounter("frames_total", input.FramesHint());
   health.SetCounter("live", is_live);
-  health.SetState(is_live ? "ready" : "busy", is_live ? "waits for images on MAPMEND_IMAGE" : "");
+  health.SetState(is_live ? "ready" : "busy", is_live ? "waits for images on " + input.Name() : "");
   std::vector<double> track_ms;
   const auto begin = std::chrono::steady_clock::now();
   int num_frames = 0;
@@ -249,6 +293,7 @@ int RunFrontend(const RunOptions& options) {
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     health.SetCounter("frames", num_frames);
     health.SetCounter("frames_dropped", static_cast<double>(input.Stream()->NumDropped()));
+    health.SetCounter("frames_left_out", input.NumLeftOut());
     health.SetCounter("bad_messages", static_cast<double>(input.NumBad()));
     health.SetCounter("fps", num_frames / std::max(1e-3, seconds));
     health.SetCounter("tracked", frontend.NumTracked());
@@ -258,7 +303,7 @@ int RunFrontend(const RunOptions& options) {
     health.SetCursor(session, sender.LastSeq());
     health.SetQueueDepth(static_cast<int>(sender.LastSeq() - sender.AcknowledgedSeq()));
     if (const std::string problem = input.LastProblem(); !problem.empty()) {
-      health.SetState(num_frames > 0 ? "busy" : "ready", "images are refused: " + problem);
+      health.SetState(num_frames > 0 ? "busy" : "ready", (input.NumBad() > 0 ? "images are refused: " : "") + problem);
     } else if (num_frames > 0) {
       health.SetState("busy");
     }
@@ -305,10 +350,12 @@ int RunFrontend(const RunOptions& options) {
   if (!options.profile_path.empty()) WriteProfile(options.profile_path);
   const std::string dropped = DescribeDropped(input.Stream()->NumDropped(), input.NumBad());
   if (!dropped.empty()) spdlog::warn("{}", dropped);
-  health.SetState("done", input.Truncated().empty() ? dropped : input.Truncated());
-  if (!input.Truncated().empty()) {
-    spdlog::error("{}", input.Truncated());
-    return kExitTruncatedInput;
+  const std::string problem = input.Problem();
+  health.SetState("done", problem.empty() ? dropped : problem);
+  if (!problem.empty()) {
+    input.LogLeftOut();
+    spdlog::error("{}", problem);
+    return kExitPartOfInput;
   }
   return 0;
 }

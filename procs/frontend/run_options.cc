@@ -1,8 +1,9 @@
 #include "procs/frontend/run_options.h"
 
-#include <filesystem>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "libs/capture/fingerprint.h"
 #include "libs/mapping/session_id.h"
 
 namespace mapmend {
@@ -20,6 +21,9 @@ std::string ToJson(const RunOptions& options) {
       {"min_inliers", f.tracker.min_inliers},
       {"bundle_keyframes", f.mapper.bundle_keyframes},
   };
+  if (options.every != 1) json["every"] = options.every;
+  if (options.start_s > 0) json["start_s"] = options.start_s;
+  if (std::isfinite(options.end_s)) json["end_s"] = options.end_s;
   if (options.mode != InputMode::kLockstep) json["mode"] = ModeName(options.mode);
   return json.dump();
 }
@@ -29,12 +33,7 @@ std::string ModeName(InputMode mode) {
 }
 
 std::string SessionForFile(const RunOptions& options) {
-  namespace fs = std::filesystem;
-  const fs::path input(options.input);
-  std::error_code ignored;
-  const auto size = fs::is_regular_file(input) ? fs::file_size(input, ignored) : 0;
-  const std::string text = fs::weakly_canonical(input, ignored).filename().string() + "|" + std::to_string(size) + "|" +
-                           options.vehicle + "|" + ToJson(options);
+  const std::string text = ContentFingerprint(options.inputs) + "|" + options.vehicle + "|" + ToJson(options);
   return SessionIdFromText(text);
 }
 

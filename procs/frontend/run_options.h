@@ -1,7 +1,10 @@
 #pragma once
 
+#include <limits>
 #include <string>
+#include <vector>
 
+#include "libs/bus/channels.h"
 #include "libs/bus/process.h"
 #include "procs/frontend/frontend.h"
 
@@ -14,16 +17,23 @@ enum class InputMode { kLockstep, kRealtime, kLive };
 // The frontend's command line.
 struct RunOptions {
   ProcessOptions process;
-  std::string input, camera_path, times_path, vocabulary_path, skip_frames, session, outbox_path, vehicle;
-  int num_features = 0;   // per image; 0: 1000 up to one megapixel, 2000 above
-  int max_dimension = 0;  // pixels; larger images are scaled down; 0: never
+  std::vector<std::string> inputs;
+  std::string camera_path, times_path, vocabulary_path, skip_frames, session, outbox_path, vehicle;
+  int every = 1;                                           // of a file: only each so manyth frame
+  double start_s = 0;                                      // only frames from so many seconds on ...
+  double end_s = std::numeric_limits<double>::infinity();  // ... and before this, counted from the first frame
+  int num_features = 0;                                    // per image; 0: 1000 up to one megapixel, 2000 above
+  int max_dimension = 0;                                   // pixels; larger images are scaled down; 0: never
   uint64_t seed = 1;
-  std::string events_path;   // file that gets a JSON line for each loss, submap, end; empty: none
+  std::string events_path;  // file that gets a JSON line for each loss, submap, end; empty: none
   // A second LCM network, on board: live images come over it, and health goes to it as well; empty: there is none. The
   // stream goes over process.lcm_url alone.
   std::string local_url;
   std::string profile_path;  // JSON file for the time of each stage; empty: none
   InputMode mode = InputMode::kLockstep;
+  // kLive: a camera that is read here (device_images.h), or a folder into which one writes; empty: images come over the
+  // bus, on image_channel.
+  std::string source, image_channel = channels::kImage;
   double speed = 1;     // kRealtime: times as fast as the images were taken
   int max_waiting = 3;  // kRealtime, kLive: images that may wait for the frontend
   // At the end of the flight: so long without progress it waits for a link or a silent store, seconds.
@@ -34,7 +44,7 @@ struct RunOptions {
 // Every option as JSON, for the record in the session's first message.
 std::string ToJson(const RunOptions& options);
 
-// A session's name for a file: the same input, options and seed give the same UUID, so that a run can be repeated bit
+// A session's name for a file: the same content, options and seed give the same UUID, so that a run can be repeated bit
 // for bit.
 std::string SessionForFile(const RunOptions& options);
 
@@ -42,7 +52,7 @@ std::string SessionForFile(const RunOptions& options);
 std::string ModeName(InputMode mode);
 
 // Runs the frontend on its input until the end, or until a signal asks it to stop. Returns the process's exit code: 0,
-// or 3 if the input turned out to be truncated (what could be read is mapped).
+// or 3 if not all of the input could be used (what could is mapped).
 int RunFrontend(const RunOptions& options);
 
 }  // namespace mapmend

@@ -60,8 +60,8 @@ class Flight {
       Backend backend(on_board);
       WriteFile(options_.out + "/logs/lcm-url", backend.Url() + "\n");
       Undelivered older(options_.out, station_url_, options_.channel_prefix);
-      progress_.Say((options_.live ? "the camera on " + backend.Url() : options_.input) + " to the station at " +
-                    station_url_ + "; what it has not had waits in " + options_.out);
+      progress_.Say((options_.live ? "the camera on " + backend.Url() : options_.inputs.front()) +
+                    " to the station at " + station_url_ + "; what it has not had waits in " + options_.out);
       const bool is_delivered = Fly(&backend, older);
       while (is_delivered && older.NumWaiting() > 0) {
         progress_.Show(std::to_string(older.NumWaiting()) +
@@ -147,6 +147,7 @@ void AddFlyCommand(CLI::App* app) {
       "Tracking never waits for the station. What it has not had is kept in --out; `mapmend fly` with the same --out\n"
       "delivers it. Exit codes as of `mapmend run`; 0: the station has the whole flight.");
   sub->callback([options, station, token_file] {
+    ApplyFollow(options.get());
     ApplyTokenFile(*token_file);
     if (options->live && options->lcm_url.empty()) options->lcm_url = "tcpq://127.0.0.1:7700";
     if (const int code = Flight(CheckRunInputs(*options), *station).Run(); code != 0) throw CLI::RuntimeError(code);

@@ -18,7 +18,8 @@ std::vector<std::string> FrontendArguments(const RunOptions& options, const std:
                                    options.out + "/outbox",
                                    "--events",
                                    options.out + "/events.jsonl"};
-  argv.push_back(options.live ? "--live" : options.input);
+  if (options.live) argv.push_back("--live");
+  argv.insert(argv.end(), options.inputs.begin(), options.inputs.end());
   if (options.realtime) argv.push_back("--realtime");
   const auto add = [&](const char* name, const std::string& value) {
     if (!value.empty()) argv.insert(argv.end(), {name, value});
@@ -26,11 +27,16 @@ std::vector<std::string> FrontendArguments(const RunOptions& options, const std:
   const auto add_number = [&](const char* name, const std::optional<int>& value) {
     if (value) argv.insert(argv.end(), {name, std::to_string(*value)});
   };
+  add("--source", options.source);
+  add("--image-channel", options.image_channel);
   add("--times", options.times);
   add("--skip-frames", options.skip_frames);
   add("--vehicle", options.vehicle);
   if (options.profile) add("--profile", ProfilePath(options));
   if (options.speed) add("--speed", std::to_string(*options.speed));
+  add_number("--every", options.every);
+  if (options.start) add("--start", std::to_string(*options.start));
+  if (options.end) add("--end", std::to_string(*options.end));
   add_number("--max-waiting", options.max_waiting);
   add_number("--seed", options.seed);
   add_number("--features", options.features);

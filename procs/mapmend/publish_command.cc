@@ -3,18 +3,19 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
-#include <filesystem>
 #include <mapmend/image_t.hpp>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
+#include <vector>
 
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/process.h"
 #include "libs/capture/image_source.h"
+#include "libs/capture/times_beside.h"
 #include "procs/mapmend/commands.h"
 #include "procs/mapmend/health_monitor.h"
 #include "procs/mapmend/run_flight.h"
@@ -24,10 +25,11 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int kNumEndMessages = 3;  // the channel may lose one
+constexpr int kNumEndMessages = 6;  // three must arrive within a second; the channel may lose some
 
 struct PublishOptions {
-  std::string input, times, skip_frames, lcm_url, channel_prefix, format = "jpeg";
+  std::vector<std::string> inputs;
+  std::string times, skip_frames, lcm_url, channel_prefix, format = "jpeg";
   double speed = 1;
   int quality = 95;
   bool no_wait = false, no_end = false;
@@ -78,10 +80,13 @@ bool WaitForFrontend(Bus* bus, const HealthMonitor& monitor, const std::string& 
 
 int Publish(PublishOptions options) {
   InstallSignalHandlers();
-  const std::filesystem::path input(options.input);
-  const auto beside = (std::filesystem::is_directory(input) ? input : input.parent_path()) / "times.txt";
-  if (options.times.empty() && std::filesystem::exists(beside)) options.times = beside.string();
-  ImageSource source(options.input, options.times, 0, ParseFrameRanges(options.skip_frames));
+  if (options.times.empty()) options.times = FindTimesBeside(options.inputs).path;
+  SourceOptions source_options;
+  source_options.inputs = options.inputs;
+  source_options.times_path = options.times;
+  source_options.skip = ParseFrameRanges(options.skip_frames);
+  ImageSource source(source_options);
+  for (const std::string& note : source.Notes()) std::printf("%s\n", note.c_str());
   const std::string url = ResolveLcmUrl(options.lcm_url);
   Bus bus(url, options.channel_prefix);
   const HealthMonitor monitor(&bus);
@@ -108,10 +113,11 @@ int Publish(PublishOptions options) {
     }
   }
   std::printf("%d images published\n", num_sent);
-  if (!source.Truncated().empty()) std::fprintf(stderr, "mapmend: %s\n", source.Truncated().c_str());
+  const std::string problem = source.Problem();
+  if (!problem.empty()) std::fprintf(stderr, "mapmend: %s\n", problem.c_str());
   if (num_lost > 0) throw std::runtime_error(std::to_string(num_lost) + " images could not be sent: no hub on " + url);
   if (interrupted) return kExitInterrupted;
-  return source.Truncated().empty() ? 0 : kExitInputCutShort;
+  return problem.empty() ? 0 : kExitInputCutShort;
 }
 
 }  // namespace
@@ -120,7 +126,8 @@ void AddPublishCommand(CLI::App* app) {
   CLI::App* sub = app->add_subcommand(
       "publish", "Play a video or a folder of images onto the bus, as a camera would, for `mapmend run --live`");
   const auto options = std::make_shared<PublishOptions>();
-  sub->add_option("INPUT", options->input, "video file, or folder of images taken in the order of their names")
+  sub->add_option("INPUT", options->inputs,
+                  "video file, or folder of images taken in the order of their names; several are parts of one flight")
       ->required();
   sub->add_option("--times", options->times,
                   "one time in seconds per line and frame (default: times.txt beside INPUT, else from the frame rate)");
@@ -138,8 +145,8 @@ void AddPublishCommand(CLI::App* app) {
   sub->add_option("--channel-prefix", options->channel_prefix,
                   "put before every channel name, so that runs can share a bus");
   sub->footer(
-      "Exit codes: 0 done; 1 an error, told in one line; 2 a mistake in the command line; 3 INPUT ends early; 130 "
-      "interrupted.");
+      "Exit codes: 0 done; 1 an error, told in one line; 2 a mistake in the command line; 3 INPUT ends early, or\n"
+      "frames of it could not be used; 130 interrupted.");
   sub->callback([options] {
     const int code = Publish(*options);
     if (code != 0) throw CLI::RuntimeError(code);

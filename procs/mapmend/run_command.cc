@@ -8,8 +8,9 @@
 namespace mapmend {
 
 void AddFlightOptions(CLI::App* sub, RunOptions* options) {
-  sub->add_option("INPUT", options->input,
-                  "video file, or folder of images taken in the order of their names; none with --live");
+  sub->add_option("INPUT", options->inputs,
+                  "video file, or folder of images taken in the order of their names; several are the parts of one "
+                  "flight, in order; none with --live");
   sub->add_option("--camera", options->camera,
                   "calibration: ORB-SLAM, Kalibr, OpenCV or COLMAP format (default: camera.yaml beside INPUT)");
   sub->add_option(
@@ -18,6 +19,11 @@ void AddFlightOptions(CLI::App* sub, RunOptions* options) {
   sub->add_option("--vocabulary", options->vocabulary, "mapmend's format or DBoW2 text (default: mapmend's own)");
   sub->add_option("--skip-frames", options->skip_frames,
                   "frames to leave out, to simulate interruptions, e.g. 80-120,200-240");
+  sub->add_option("--every", options->every, "map only each so manyth frame")->check(CLI::Range(1, 100000));
+  sub->add_option("--start", options->start, "leave out what is earlier, seconds after the first frame")
+      ->check(CLI::Range(0.0, 1e9));
+  sub->add_option("--end", options->end, "leave out what is later, seconds after the first frame")
+      ->check(CLI::Range(0.0, 1e9));
   sub->add_option("--features", options->features, "features per frame (default: the frontend's)");
   sub->add_option("--max-dimension", options->max_dimension,
                   "larger images are scaled down to this width or height, pixels; 0: never");
@@ -40,6 +46,15 @@ void AddFlightOptions(CLI::App* sub, RunOptions* options) {
       "--live", options->live,
       "images come over the bus (channel MAPMEND_IMAGE, e.g. from `mapmend publish`) until the camera ends the "
       "stream, or Ctrl-C; frames that come while tracking is busy are dropped, and counted");
+  sub->add_option(
+      "--source", options->source,
+      "with --live: a camera that is read directly: /dev/video0, rtsp://..., gst:PIPELINE of GStreamer, or a "
+      "folder into which images are written; it is waited for when it goes away");
+  sub->add_flag("--follow", options->follow,
+                "INPUT is a folder into which images are still written: map each as it comes, until Ctrl-C");
+  sub->add_option("--image-channel", options->image_channel,
+                  "with --live: channel of the images on the bus, image_t of mapmend or of bot_core (default: "
+                  "MAPMEND_IMAGE)");
   realtime_flag->excludes(lockstep_flag);
   live_flag->excludes(lockstep_flag)->excludes(realtime_flag);
   sub->add_option("--speed", options->speed, "with --realtime: times as fast as the frames were taken (default: 1)")
@@ -66,14 +81,16 @@ void AddRunCommand(CLI::App* app) {
   sub->add_option("--vehicle", options->vehicle, "name of the camera's carrier, for the report");
   AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
   sub->footer(
-      "Exit codes: 0 done; 1 an error, told in one line; 2 a mistake in the command line; 3 INPUT ends early or is\n"
-      "damaged (what could be read is mapped); 4 mapped, but the main map holds less than half of the flight (the last "
+      "Exit codes: 0 done; 1 an error, told in one line; 2 a mistake in the command line; 3 INPUT ends early, or\n"
+      "frames of it could not be used (the rest is mapped); 4 mapped, but the main map holds less than half of the "
+      "flight (the last "
       "line\nsays why and what to try); 130 interrupted (map.db holds what was mapped so far). With --live the first "
       "Ctrl-C\nends the flight: the map is finished.");
   sub->callback([options] {
     options->lcm_url = UrlFromOptionOrEnvironment(options->lcm_url);
+    ApplyFollow(options.get());
     // A camera cannot know the port of a private hub.
-    if (options->live && options->lcm_url.empty()) options->lcm_url = ResolveLcmUrl("");
+    if (options->live && options->source.empty() && options->lcm_url.empty()) options->lcm_url = ResolveLcmUrl("");
     const int code = RunFlight(CheckRunInputs(*options));
     if (code != 0) throw CLI::RuntimeError(code);
   });

@@ -12,6 +12,7 @@
 #include "libs/bus/channels.h"
 #include "libs/bus/process.h"
 #include "libs/bus/stop_request.h"
+#include "libs/capture/fingerprint.h"
 #include "libs/geometry/write_file.h"
 #include "libs/mapping/session_id.h"
 #include "procs/mapmend/backend.h"
@@ -33,17 +34,29 @@ using Clock = std::chrono::steady_clock;
 std::string SessionOf(const RunOptions& options) {
   if (!options.session.empty()) return options.session;
   if (options.append || options.live) return NewSessionId();
-  const std::filesystem::path input(options.input);
-  std::string text = std::filesystem::absolute(input).lexically_normal().filename().string();
-  if (std::filesystem::is_regular_file(input)) text += "|" + std::to_string(std::filesystem::file_size(input));
+  std::string text = ContentFingerprint(options.inputs);
   for (const std::string& option : {options.skip_frames, options.vehicle}) text += "|" + option;
   for (const auto& number : {options.seed, options.features, options.max_dimension})
     text += "|" + std::to_string(number.value_or(-1));
   for (const auto& number : {options.lost_frames, options.relocalisation_frames}) {
     if (number) text += "|" + std::to_string(*number);
   }
+  for (const auto& [name, number] : {std::pair("start", options.start), std::pair("end", options.end)}) {
+    if (number) text += std::string("|") + name + std::to_string(*number);
+  }
+  if (options.every) text += "|every" + std::to_string(*options.every);
   if (options.realtime) text += "|realtime";
   return SessionIdFromText(text);
+}
+
+std::string DescribeInputs(const std::vector<std::string>& inputs) {
+  return inputs.front() + (inputs.size() > 1 ? " and " + std::to_string(inputs.size() - 1) + " more" : "");
+}
+
+std::string DescribeCamera(const RunOptions& options) {
+  if (!options.source.empty()) return options.source;
+  return "the camera on " + options.channel_prefix +
+         (options.image_channel.empty() ? channels::kImage : options.image_channel);
 }
 
 std::string DescribeProgress(const Backend& backend, int num_frames) {
@@ -92,6 +105,7 @@ void AddFrontendFigures(const HealthMonitor::Entry& frontend, const RunOptions& 
   figures->track_ms_median = counter("track_ms_median");
   figures->track_ms_p95 = counter("track_ms_p95");
   figures->frames_dropped = static_cast<int64_t>(counter("frames_dropped").value_or(0));
+  figures->frames_left_out = static_cast<int64_t>(counter("frames_left_out").value_or(0));
   figures->bad_messages = static_cast<int64_t>(counter("bad_messages").value_or(0));
   const std::string untracked = "untracked.";
   for (const auto& [name, value] : frontend.counters) {
@@ -130,9 +144,8 @@ int RunFlight(const RunInputs& inputs) {
     std::filesystem::remove(ProfilePath(options));  // of an earlier flight into the same map
     Backend backend(backend_options);
     const std::string session = SessionOf(options);
-    progress.Say("mapping " +
-                 (options.live ? "the camera on " + options.channel_prefix + channels::kImage : options.input) +
-                 " into " + options.out + "; bus " + backend.Url() +
+    progress.Say("mapping " + (options.live ? DescribeCamera(options) : DescribeInputs(options.inputs)) + " into " +
+                 options.out + "; bus " + backend.Url() +
                  (port > 0 ? "; live page http://127.0.0.1:" + std::to_string(port) : ""));
     WriteFile(options.out + "/logs/lcm-url", backend.Url() + "\n");
     std::unique_ptr<Recorder> recorder;

@@ -5,7 +5,7 @@
 namespace mapmend {
 
 // Exit codes of `mapmend run` and `mapmend replay` besides 0 and 1 (an error; nothing was mapped, or not to the end).
-inline constexpr int kExitInputCutShort = 3;  // the input ends early; what could be read is mapped to the end
+inline constexpr int kExitInputCutShort = 3;  // not all of the input could be used; the rest is mapped
 inline constexpr int kExitSmallMap = 4;       // mapped to the end, but the main map holds less than half of the flight
 inline constexpr int kExitInterrupted = 130;  // Ctrl-C or SIGTERM; map.db holds what was mapped so far
 

@@ -1,14 +1,11 @@
 #include <algorithm>
-#include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <opencv2/core/utils/logger.hpp>
-#include <opencv2/videoio.hpp>
-#include <set>
 #include <stdexcept>
 
+#include "libs/capture/device_images.h"
 #include "libs/capture/image_source.h"
+#include "libs/capture/times_beside.h"
 #include "libs/command_line/command_line.h"
 #include "libs/geometry/camera.h"
 #include "libs/geometry/times_file.h"
@@ -31,36 +28,6 @@ void RequireReadableFile(const std::string& path, const std::string& what) {
   if (!std::ifstream(path)) Fail(what + " " + path + " cannot be read");
 }
 
-// Number of images in a folder, by the endings that OpenCV reads.
-int CountImages(const std::string& folder) {
-  static const std::set<std::string> kEndings = {".jpg",  ".jpeg", ".png", ".bmp", ".tif",
-                                                 ".tiff", ".pgm",  ".ppm", ".webp"};
-  int count = 0;
-  std::error_code error;
-  fs::directory_iterator entries(folder, error);
-  if (error) Fail("input folder " + folder + " cannot be read: " + error.message());
-  for (const auto& entry : entries) {
-    std::string ending = entry.path().extension().string();
-    std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
-    if (kEndings.contains(ending)) ++count;
-  }
-  if (count == 0) Fail("input folder " + folder + " holds no images (jpg, png, bmp, tif, pgm, ppm, webp)");
-  return count;
-}
-
-// Opens a video and decodes its first frame. Returns the number of frames its header gives, 0 if it gives none.
-int ProbeVideo(const std::string& path) {
-  setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
-  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
-  cv::VideoCapture video(path, cv::CAP_FFMPEG);
-  if (!video.isOpened())
-    Fail("input " + path +
-         " cannot be opened as a video: unknown format, or cut short (an mp4 has its index at its end)");
-  if (!video.grab()) Fail("input " + path + ": the video holds no frame that can be decoded");
-  const double count = video.get(cv::CAP_PROP_FRAME_COUNT);
-  return std::isfinite(count) && count > 0 && count < 1e9 ? static_cast<int>(count) : 0;
-}
-
 void CheckVocabulary(RunInputs* inputs) {
   RunOptions& options = inputs->options;
   if (options.vocabulary.empty()) options.vocabulary = DefaultVocabulary();
@@ -74,11 +41,24 @@ void CheckVocabulary(RunInputs* inputs) {
 // What concerns the camera file and the input, for a camera on the bus.
 void CheckLiveInput(RunOptions* options) {
   const auto refuse = [](bool given, const char* what) {
-    if (given) Fail(std::string(what) + " does not go with --live: the images come over the bus");
+    if (given) Fail(std::string(what) + " does not go with --live");
   };
-  refuse(!options->input.empty(), "INPUT");
+  refuse(!options->inputs.empty(), "INPUT");
   refuse(!options->times.empty(), "--times");
   refuse(!options->skip_frames.empty(), "--skip-frames");
+  refuse(options->every.has_value(), "--every");
+  refuse(options->start || options->end, "--start or --end");
+  refuse(!options->source.empty() && !options->image_channel.empty(), "--image-channel beside --source");
+  const bool is_url = DeviceImages::IsDevice(options->source);
+  std::error_code error;
+  if (!options->source.empty() && !is_url && !fs::is_directory(options->source, error)) {
+    Fail("--source " + options->source +
+         ": expected /dev/videoN, a URL such as rtsp://HOST/PATH, gst:PIPELINE, or a folder that exists" +
+         (fs::exists(options->source, error) ? " (a file is an INPUT, without --live)" : ""));
+  }
+  if (options->camera.empty() && !options->source.empty() && !is_url &&
+      fs::exists(fs::path(options->source) / "camera.yaml", error))
+    options->camera = (fs::path(options->source) / "camera.yaml").string();
   if (options->camera.empty()) Fail("no camera file: give one with --camera");
   if (options->out.empty()) options->out = "mapmend-live";
   RequireReadableFile(options->camera, "camera file");
@@ -92,11 +72,13 @@ void CheckLiveInput(RunOptions* options) {
 void CheckFileInput(RunInputs* inputs) {
   RunOptions& options = inputs->options;
   std::error_code error;
-  if (options.input.empty()) throw UsageError("no input: give a video file or a folder of images, or --live");
-  if (!fs::exists(options.input, error)) Fail("input " + options.input + " does not exist");
-  const bool is_folder = fs::is_directory(options.input, error);
+  if (options.inputs.empty()) throw UsageError("no input: give a video file or a folder of images, or --live");
+  for (const std::string& name : options.inputs) {
+    if (!fs::exists(name, error)) Fail("input " + name + " does not exist");
+  }
+  const bool is_folder = fs::is_directory(options.inputs.front(), error);
 
-  const fs::path input = fs::absolute(options.input).lexically_normal();
+  const fs::path input = fs::absolute(options.inputs.front()).lexically_normal();
   const fs::path stem = is_folder && input.filename().empty() ? input.parent_path().filename() : input.stem();
   if (options.out.empty()) options.out = "mapmend-" + stem.string();
 
@@ -110,27 +92,39 @@ void CheckFileInput(RunInputs* inputs) {
     inputs->notes.push_back("camera " + options.camera + " (found beside the input)");
   }
   RequireReadableFile(options.camera, "camera file");
-  ReadCamera(options.camera);
-  if (options.times.empty() && fs::exists(beside / "times.txt", error)) {
-    options.times = (beside / "times.txt").string();
-    inputs->notes.push_back("times " + options.times + " (found beside the input)");
+  const Camera camera = ReadCamera(options.camera);
+  if (options.times.empty()) {
+    const TimesBeside found = FindTimesBeside(options.inputs);
+    options.times = found.path;
+    if (!found.path.empty()) inputs->notes.push_back("times " + found.path + " (found beside the input)");
+    if (!found.note.empty()) inputs->notes.push_back(found.note);
   }
 
-  inputs->num_frames = is_folder ? CountImages(options.input) : ProbeVideo(options.input);
-  if (!options.times.empty()) {
-    RequireReadableFile(options.times, "times file");
-    const FrameTimes times = ReadFrameTimes(options.times);
-    if (!times.note.empty()) inputs->notes.push_back(times.note);
-    const int num_times = static_cast<int>(times.utimes.size());
-    if (num_times < inputs->num_frames) {
-      Fail("times file " + options.times + " has " + std::to_string(num_times) + " lines for " +
-           std::to_string(inputs->num_frames) + " frames; it needs one for each");
-    }
-  }
-  ParseFrameRanges(options.skip_frames);
+  if (!options.times.empty()) RequireReadableFile(options.times, "times file");
+  SourceOptions source;
+  source.inputs = options.inputs;
+  source.times_path = options.times;
+  source.camera_fps = camera.fps;
+  source.skip = ParseFrameRanges(options.skip_frames);
+  source.every = options.every.value_or(1);
+  source.start_s = options.start.value_or(0);
+  source.end_s = options.end.value_or(source.end_s);
+  if (source.start_s >= source.end_s) Fail("--start must be before --end");
+  const ImageSource images(source);
+  inputs->num_frames = images.FramesHint();
+  for (const std::string& note : images.Notes()) inputs->notes.push_back(note);
 }
 
 }  // namespace
+
+void ApplyFollow(RunOptions* options) {
+  if (!options->follow) return;
+  if (options->live || options->realtime || options->inputs.size() != 1)
+    throw UsageError("--follow needs one folder as INPUT, and does not go with --live or --realtime");
+  options->source = options->inputs.front();
+  options->inputs.clear();
+  options->live = true;
+}
 
 RunInputs CheckRunInputs(const RunOptions& given) {
   RunInputs inputs;
@@ -140,6 +134,8 @@ RunInputs CheckRunInputs(const RunOptions& given) {
     CheckLiveInput(&options);
   else
     CheckFileInput(&inputs);
+  if (!options.live && (!options.source.empty() || !options.image_channel.empty()))
+    throw UsageError("--source and --image-channel need --live");
   if (options.speed && !options.realtime) throw UsageError("--speed needs --realtime");
   if (options.max_waiting && !options.realtime && !options.live)
     throw UsageError("--max-waiting needs --realtime or --live");
@@ -149,7 +145,11 @@ RunInputs CheckRunInputs(const RunOptions& given) {
   }
   if (options.features && *options.features < 100)
     Fail("--features " + std::to_string(*options.features) + ": at least 100");
-  if (options.max_dimension && *options.max_dimension < 0) Fail("--max-dimension must not be negative");
+  constexpr int kMinDimension = 64;  // pixels; below that no patch of a feature fits
+  if (options.max_dimension && *options.max_dimension != 0 && *options.max_dimension < kMinDimension) {
+    throw UsageError("--max-dimension " + std::to_string(*options.max_dimension) + ": at least " +
+                     std::to_string(kMinDimension) + " pixels, or 0 for images as they are");
+  }
   if (options.overwrite && options.append) throw UsageError("--overwrite and --append exclude each other");
   CheckVocabulary(&inputs);
   return inputs;

@@ -8,7 +8,8 @@
 namespace mapmend {
 
 struct RunOptions {
-  std::string input;        // a video file or a folder of images; empty with live
+  // Video files, folders of images or images, one flight; empty with live.
+  std::vector<std::string> inputs;
   std::string camera;       // empty: camera.yaml beside the input
   std::string times;        // empty: times.txt beside the input if there is one, else the video's own times
   std::string out;          // empty: ./mapmend-<name of the input>
@@ -23,23 +24,31 @@ struct RunOptions {
   std::string log_level = "info";
   std::optional<int> seed, features, max_dimension;  // unset: the processes' own defaults
   std::optional<int> lost_frames,
-      relocalisation_frames;       // of the loss criterion (paper, 3.2); unset: the frontend's own
-  std::optional<int> port;         // of the live page; unset: a free one from 8080 on; 0: no page
-  bool overwrite = false;          // replace the results of an earlier run in out
-  bool realtime = false;           // play the input at its own pace, drop what comes too fast
-  bool live = false;               // images come over the bus
-  std::optional<double> speed;     // with realtime; unset: 1
-  std::optional<int> max_waiting;  // with realtime or live: frames that may wait; unset: the frontend's
-  bool profile = false;            // time of each stage of the frontend, in the summary
-  bool append = false;             // map this flight into the map that is already in out
+      relocalisation_frames;         // of the loss criterion (paper, 3.2); unset: the frontend's own
+  std::optional<int> port;           // of the live page; unset: a free one from 8080 on; 0: no page
+  std::optional<int> every;          // only each so manyth frame
+  std::optional<double> start, end;  // only frames of this time, seconds since the first frame
+  bool overwrite = false;            // replace the results of an earlier run in out
+  bool realtime = false;             // play the input at its own pace, drop what comes too fast
+  std::string source;                // with live: device, URL, pipeline or growing folder; empty: the bus
+  std::string image_channel;         // with live: of the images on the bus; empty: MAPMEND_IMAGE
+  bool follow = false;               // INPUT is a growing folder: live, with that as the source
+  bool live = false;                 // images come over the bus
+  std::optional<double> speed;       // with realtime; unset: 1
+  std::optional<int> max_waiting;    // with realtime or live: frames that may wait; unset: the frontend's
+  bool profile = false;              // time of each stage of the frontend, in the summary
+  bool append = false;               // map this flight into the map that is already in out
 };
 
 struct RunInputs {
   RunOptions options;  // with every default filled in
   std::string vocabulary_hash;
-  int num_frames = 0;              // of the input; 0 if the video does not say
+  int num_frames = 0;              // about so many, for a progress line; 0 if nobody knows
   std::vector<std::string> notes;  // lines for the user, e.g. which camera file was taken
 };
+
+// --follow FOLDER is short for --live --source FOLDER. Throws UsageError if there is not just one INPUT.
+void ApplyFollow(RunOptions* options);
 
 // Checks everything that can be checked before a process is started. Changes nothing on disk.
 // Throws std::runtime_error with one line that names the file or option and says what to do.

@@ -54,6 +54,7 @@ void CompleteSummary(const std::string& out, const LauncherFigures& figures) {
   if (!figures.mode.empty()) {
     frontend["mode"] = figures.mode;
     frontend["frames_dropped"] = figures.frames_dropped;
+    frontend["frames_left_out"] = figures.frames_left_out;
     frontend["bad_messages"] = figures.bad_messages;
     if (!figures.untracked.empty()) frontend["untracked"] = figures.untracked;
   }
@@ -87,6 +88,8 @@ std::string FormatSummaryTable(const std::string& out) {
   const Json frontend = summary.value("frontend", Json::object());
   const int dropped = Count(frontend, "frames_dropped"), bad = Count(frontend, "bad_messages");
   if (dropped > 0) row("dropped", Format("%d frames that came while the frontend was busy", dropped));
+  if (const int left_out = Count(frontend, "frames_left_out"); left_out > 0)
+    row("left out", Format("%d frames that could not be used; see logs/frontend.log", left_out));
   if (bad > 0) row("refused", Format("%d images that were no good; see logs/frontend.log", bad));
   row("losses", std::to_string(Count(summary, "losses")));
   row("submaps", Format("%zu in %zu component%s", Size(summary, "submaps"), Size(summary, "components"),

@@ -18,6 +18,7 @@ struct LauncherFigures {
   std::string mode;                              // of the frontend: lockstep, realtime or live; empty: there was none
   int64_t frames_dropped = 0, bad_messages = 0;  // came while it was busy; were no good
   std::map<std::string, int> untracked;          // frames without a pose when they came, by cause
+  int64_t frames_left_out = 0;                   // of a file, that could not be used
   std::optional<double> track_ms_median, track_ms_p95;  // of the frontend, if there was one
   std::string profile_json;                             // as the frontend wrote it; empty: none was asked for
   std::optional<double> readout_ms;                     // of the rolling shutter that the merger found
@@ -27,10 +28,10 @@ struct LauncherFigures {
 // OUT/summary.json as it stands. Throws std::runtime_error if the file is missing or no JSON object.
 nlohmann::ordered_json ReadSummary(const std::string& out);
 
-// Adds wall_s, frontend {mode, frames_dropped, bad_messages, untracked {}, track_ms_median, track_ms_p95, profile []}
-// and processes
-// [], readout_ms, and problem (if the main map holds less than half of the flight, as DescribeSmallMap tells it), to
-// OUT/summary.json. Throws std::runtime_error if the file is missing or no JSON object.
+// Adds wall_s, frontend {mode, frames_dropped, frames_left_out, bad_messages, untracked {}, track_ms_median,
+// track_ms_p95, profile []}, processes [], readout_ms, and problem (if the main map holds less than half of the flight,
+// as DescribeSmallMap tells it), to OUT/summary.json. Throws std::runtime_error if the file is missing or no JSON
+// object.
 void CompleteSummary(const std::string& out, const LauncherFigures& figures);
 
 // The table for the terminal, from OUT/summary.json. Throws as CompleteSummary does.

@@ -31,16 +31,16 @@ image_t Grey() {
   return message;
 }
 
-std::string Problem(const image_t& message) { return ImageProblem(message, kWidth, kHeight, 9); }
+std::string Problem(const image_t& message) { return ImageProblem(message, kWidth, kHeight); }
 
 TEST(ImageMessage, GoodImagesAreDecoded) {
   EXPECT_EQ(Problem(Jpeg()), "");
-  const auto color = DecodeImage(Jpeg());
+  const auto color = DecodeImage(Jpeg()).pixels;
   ASSERT_TRUE(color);
   EXPECT_EQ(color->channels(), 3);
   EXPECT_NEAR(color->at<cv::Vec3b>(5, 5)[0], 200, 8);
   EXPECT_EQ(Problem(Grey()), "");
-  const auto grey = DecodeImage(Grey());
+  const auto grey = DecodeImage(Grey()).pixels;
   ASSERT_TRUE(grey);
   EXPECT_EQ(grey->size(), cv::Size(kWidth, kHeight));
   EXPECT_EQ(grey->at<uint8_t>(47, 63), 77);
@@ -56,8 +56,6 @@ TEST(ImageMessage, WhatIsWrongIsNamed) {
   --message.num_bytes;
   EXPECT_NE(Problem(message).find("3071 bytes"), std::string::npos);
   message = Jpeg();
-  message.utime = 9;
-  EXPECT_EQ(Problem(message), "time does not grow");
   message.utime = -5;
   EXPECT_EQ(Problem(message), "time is negative");
 }
@@ -77,7 +75,7 @@ TEST(ImageMessage, AJpegThatIsNoneOrOfAnotherSizeIsRefusedBeforeItIsDecoded) {
     cut.data.resize(size);
     cut.num_bytes = static_cast<int32_t>(size);
     if (!Problem(cut).empty()) continue;
-    const auto image = DecodeImage(cut);
+    const auto image = DecodeImage(cut).pixels;
     if (image) {
       EXPECT_EQ(image->size(), cv::Size(kWidth, kHeight));
     }

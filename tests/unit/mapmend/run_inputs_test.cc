@@ -57,7 +57,7 @@ class RunInputsTest : public testing::Test {
   RunInputsTest() {
     folder_ = fs::path(testing::TempDir()) / ("run_inputs_" + std::to_string(getpid()));
     fs::create_directories(folder_);
-    options_.input = flight_ + "/video.mp4";
+    options_.inputs = {flight_ + "/video.mp4"};
     options_.camera = flight_ + "/camera.yaml";
     options_.times = flight_ + "/times.txt";
   }
@@ -77,13 +77,13 @@ class RunInputsTest : public testing::Test {
 };
 
 TEST_F(RunInputsTest, NamesWhatIsMissing) {
-  options_.input = "/no/such/video.mp4";
+  options_.inputs = {"/no/such/video.mp4"};
   EXPECT_EQ(Error(), "input /no/such/video.mp4 does not exist");
-  options_.input = folder_.string();
+  options_.inputs = {folder_.string()};
   EXPECT_EQ(Error(), "input folder " + folder_.string() + " holds no images (jpg, png, bmp, tif, pgm, ppm, webp)");
-  options_.input = Write("noise.mp4", "this is no video");
+  options_.inputs = {Write("noise.mp4", "this is no video")};
   EXPECT_EQ(Error(),
-            "input " + options_.input +
+            "input " + options_.inputs[0] +
                 " cannot be opened as a video: unknown format, or cut short (an mp4 has its index at its end)");
 }
 

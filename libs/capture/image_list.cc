@@ -1,0 +1,141 @@
+#include "libs/capture/image_list.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <filesystem>
+#include <stdexcept>
+#include <string_view>
+
+namespace mapmend {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kMaxDepth = 3;  // of subfolders: CARD/DCIM/100MEDIA
+
+struct Found {
+  std::vector<std::string> files, passed_over;
+};
+
+// Entries with an image's name. What hides behind a link counts as what the link leads to.
+Found FindInFolder(const std::string& folder) {
+  std::error_code error;
+  fs::directory_iterator entries(folder, error);
+  if (error) throw std::runtime_error("input folder " + folder + " cannot be read: " + error.message());
+  Found found;
+  for (; entries != fs::directory_iterator(); entries.increment(error)) {
+    if (error) throw std::runtime_error("input folder " + folder + " cannot be read: " + error.message());
+    const fs::path& path = entries->path();
+    if (!HasImageName(path.string())) continue;
+    const std::string name = path.filename().string();
+    std::error_code ignored;
+    const fs::file_status status = fs::status(path, ignored);
+    if (name.starts_with('.')) {
+      found.passed_over.push_back(name + " (hidden)");
+    } else if (status.type() == fs::file_type::not_found) {
+      found.passed_over.push_back(name + " (a link to nothing)");
+    } else if (status.type() == fs::file_type::directory) {
+      found.passed_over.push_back(name + " (a folder)");
+    } else if (status.type() != fs::file_type::regular && status.type() != fs::file_type::unknown) {
+      found.passed_over.push_back(name + " (not a file)");
+    } else {
+      found.files.push_back(path.string());
+    }
+  }
+  return found;
+}
+
+void AddSubfolders(const fs::path& folder, int depth, Found* found) {
+  std::error_code error;
+  for (fs::directory_iterator entries(folder, error); !error && entries != fs::directory_iterator();
+       entries.increment(error)) {
+    const fs::path& path = entries->path();
+    std::error_code ignored;
+    if (!fs::is_directory(path, ignored) || path.filename().string().starts_with('.')) continue;
+    const Found below = FindInFolder(path.string());
+    found->files.insert(found->files.end(), below.files.begin(), below.files.end());
+    found->passed_over.insert(found->passed_over.end(), below.passed_over.begin(), below.passed_over.end());
+    if (depth < kMaxDepth) AddSubfolders(path, depth + 1, found);
+  }
+}
+
+bool IsDigit(char c) { return c >= '0' && c <= '9'; }
+
+// The digits at text[at...], and moves at behind them.
+std::string_view TakeDigits(const std::string& text, size_t* at) {
+  const size_t begin = *at;
+  while (*at < text.size() && IsDigit(text[*at])) ++*at;
+  return std::string_view(text).substr(begin, *at - begin);
+}
+
+std::string NameOf(const std::string& path) { return fs::path(path).filename().string(); }
+
+}  // namespace
+
+bool HasImageName(const std::string& path) {
+  std::string ending = fs::path(path).extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  constexpr std::array kKnown = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"};
+  return std::find(kKnown.begin(), kKnown.end(), ending) != kKnown.end();
+}
+
+bool NaturalLess(const std::string& a, const std::string& b) {
+  size_t i = 0, j = 0;
+  while (i < a.size() && j < b.size()) {
+    if (IsDigit(a[i]) && IsDigit(b[j])) {
+      std::string_view x = TakeDigits(a, &i), y = TakeDigits(b, &j);
+      x.remove_prefix(std::min(x.find_first_not_of('0'), x.size()));
+      y.remove_prefix(std::min(y.find_first_not_of('0'), y.size()));
+      if (x.size() != y.size()) return x.size() < y.size();
+      if (x != y) return x < y;
+    } else {
+      if (a[i] != b[j]) return static_cast<unsigned char>(a[i]) < static_cast<unsigned char>(b[j]);
+      ++i, ++j;
+    }
+  }
+  if (i < a.size() || j < b.size()) return j < b.size();
+  return a < b;  // they differ in leading zeros only
+}
+
+ImageList SortImages(std::vector<std::string> files) {
+  ImageList list;
+  list.files = std::move(files);
+  std::sort(list.files.begin(), list.files.end());
+  std::vector<std::string> natural = list.files;
+  std::sort(natural.begin(), natural.end(), NaturalLess);
+  if (natural != list.files) {
+    list.files = std::move(natural);
+    list.notes.push_back("the names hold numbers of different width: taken by number, " + NameOf(list.files.front()) +
+                         " first, " + NameOf(list.files.back()) + " last");
+  }
+  return list;
+}
+
+ImageList ListImages(const std::string& folder) {
+  Found found = FindInFolder(folder);
+  const bool below = found.files.empty();
+  if (below) AddSubfolders(folder, 1, &found);
+  if (found.files.empty()) {
+    throw std::runtime_error("input folder " + folder + " holds no images (jpg, png, bmp, tif, pgm, ppm, webp)");
+  }
+  ImageList list = SortImages(std::move(found.files));
+  if (below) {
+    list.notes.push_back("images from the subfolders of " + folder + ", " +
+                         fs::path(list.files.front()).lexically_relative(folder).string() + " to " +
+                         fs::path(list.files.back()).lexically_relative(folder).string());
+  }
+  if (!found.passed_over.empty()) {
+    std::sort(found.passed_over.begin(), found.passed_over.end(), NaturalLess);
+    std::string text =
+        std::to_string(found.passed_over.size()) + " entries only look like images and are passed over: ";
+    constexpr size_t kNamed = 3;
+    for (size_t i = 0; i < std::min(kNamed, found.passed_over.size()); ++i)
+      text += (i > 0 ? ", " : "") + found.passed_over[i];
+    if (found.passed_over.size() > kNamed) text += ", ...";
+    list.notes.push_back(text);
+  }
+  return list;
+}
+
+}  // namespace mapmend
