@@ -60,7 +60,7 @@ class Reader {
     throw std::runtime_error("times file " + path_ + ", line " + std::to_string(row.line) + ": " + problem);
   }
 
-  void Append(const TextRow& row, const std::string& text, FrameTimes* times) const {
+  void Append(const TextRow& row, const std::string& text, FrameTimes* times) {
     int64_t utime = 0;
     const bool fits = ParseTime(text, times->unit, &utime);
     if (!fits || std::abs(utime) > kNoTime) {
