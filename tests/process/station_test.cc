@@ -92,7 +92,7 @@ TEST_F(StationTest, AStationThatLosesPowerGoesOnWhereItWas) {
 
 TEST_F(StationTest, AFlightWithoutAStationIsKeptAndDeliveredByTheNext) {
   RunningCommand red(FlyArguments("red", kRedLeavesOut), folder_ / "red.txt");
-  ASSERT_TRUE(WaitUntil([&] { return ReadText(folder_ / "red.txt").find("81/172 frames") != std::string::npos; }, 120))
+  ASSERT_TRUE(WaitUntil([&] { return ReadText(folder_ / "red.txt").find("  81 tracked") != std::string::npos; }, 120))
       << ReadText(folder_ / "red.txt");
   red.Signal(SIGINT);  // the pilot gives up waiting
   const auto left = red.Wait(60);

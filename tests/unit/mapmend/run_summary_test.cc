@@ -61,7 +61,7 @@ TEST_F(RunSummaryTest, TellsWhatWasDroppedAndRefused) {
   figures.readout_ms = 34.56;
   CompleteSummary(out_, figures);
   const auto summary = nlohmann::json::parse(ReadFile(out_ + "/summary.json"));
-  EXPECT_EQ(summary["frontend"], nlohmann::json::parse(R"({"mode": "live", "frames_dropped": 12, "bad_messages": 2})"));
+  EXPECT_EQ(summary["frontend"], nlohmann::json::parse(R"({"mode": "live", "frames_dropped": 12, "frames_left_out": 0, "bad_messages": 2})"));
   const std::string table = FormatSummaryTable(out_);
   EXPECT_NE(table.find("  dropped      12 frames that came while the frontend was busy\n"), std::string::npos) << table;
   EXPECT_NE(table.find("  refused      2 images that were no good"), std::string::npos) << table;
