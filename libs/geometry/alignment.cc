@@ -26,6 +26,15 @@ std::vector<size_t> OrderByTime(const Trajectory& trajectory) {
   return order;
 }
 
+// "1525003606.000000 to 1525003672.000000 s"
+std::string DescribeTimes(const Trajectory& trajectory) {
+  if (trajectory.empty()) return "empty";
+  const auto [first, last] =
+      std::minmax_element(trajectory.begin(), trajectory.end(),
+                          [](const StampedPose& a, const StampedPose& b) { return a.utime < b.utime; });
+  return FormatSeconds(first->utime) + " to " + FormatSeconds(last->utime) + " s";
+}
+
 }  // namespace
 
 PointAlignment AlignPoints(const std::vector<Eigen::Vector3d>& source, const std::vector<Eigen::Vector3d>& to,
@@ -98,8 +107,9 @@ Evaluation EvaluateTrajectory(const Trajectory& estimate, const Trajectory& refe
     result.coverage = static_cast<double>(result.pairs.size()) / static_cast<double>(reference.size());
   }
   if (result.pairs.empty()) {
-    result.reason =
-        "no pose of the estimate is within the time tolerance of the ground truth: are the times of one clock?";
+    result.reason = "no pose of the estimate (" + DescribeTimes(estimate) + ") is within " +
+                    FormatSeconds(options.tolerance_us) + " s of one of the ground truth (" + DescribeTimes(reference) +
+                    "): are the times of one clock? --time-offset shifts those of the ground truth";
     return result;
   }
   std::vector<Eigen::Vector3d> source, to;

