@@ -73,11 +73,9 @@ RecordBody Decode(const session_t& m) {
   body.version = m.version;
   body.vehicle = m.vehicle;
   body.source = m.source;
-  const bool is_fisheye = m.camera_model == "fisheye";
-  Require(is_fisheye || m.camera_model == "pinhole", "camera_model is neither pinhole nor fisheye");
-  Require(m.num_camera_params == (is_fisheye ? 8 : 9), "num_camera_params does not fit camera_model");
+  Require(ParseCameraModel(m.camera_model, &body.camera.model), "camera_model is not known");
+  Require(m.num_camera_params == 4 + body.camera.NumCoefficients(), "num_camera_params does not fit camera_model");
   Require(AllFinite(m.camera_params.data(), m.camera_params.size()), "camera_params are not finite");
-  body.camera.model = is_fisheye ? Camera::Model::kFisheye : Camera::Model::kPinhole;
   body.camera.fx = m.camera_params[0];
   body.camera.fy = m.camera_params[1];
   body.camera.cx = m.camera_params[2];

@@ -35,9 +35,8 @@ session_t ToMessage(const RecordHeader& header, const SessionStarted& body) {
   message.source = body.source;
   message.camera_model = body.camera.ModelName();
   message.camera_params = {body.camera.fx, body.camera.fy, body.camera.cx, body.camera.cy};
-  const size_t num_distortion = body.camera.model == Camera::Model::kPinhole ? 5 : 4;
   message.camera_params.insert(message.camera_params.end(), body.camera.distortion.begin(),
-                               body.camera.distortion.begin() + num_distortion);
+                               body.camera.distortion.begin() + body.camera.NumCoefficients());
   message.num_camera_params = Count(message.camera_params);
   message.width = body.pinhole.width;
   message.height = body.pinhole.height;

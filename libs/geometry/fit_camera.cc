@@ -37,18 +37,18 @@ CameraFile ReadCameraFor(const std::string& path, int image_width, int image_hei
   CameraFile result = ReadCameraFile(path, image_width, image_height);
   Camera& camera = result.camera;
   const auto fail = [&](const std::string& what) { throw std::runtime_error("camera file " + path + ": " + what); };
+  char numbers[160];
+  std::snprintf(numbers, sizeof(numbers), "fx %g, cx %g, cy %g", camera.fx, camera.cx, camera.cy);
+  const double focal = camera.Ideal().fx;
   const std::string images = "the images have " + Size(image_width, image_height) + " pixels";
   if (camera.width <= 0) {
     camera.width = image_width;
     camera.height = image_height;
-    char numbers[160];
-    std::snprintf(numbers, sizeof(numbers), "fx %g, cx %g, cy %g", camera.fx, camera.cx, camera.cy);
     if (camera.cx < 0 || camera.cy < 0 || camera.cx > image_width || camera.cy > image_height) {
       fail("its principal point (" + std::string(numbers) + ") lies outside: " + images +
            "; is it of another camera or resolution? With its width and height it could be scaled");
     }
-    const double focal = camera.Ideal().fx / image_width;
-    if (focal < kShortest || focal > kLongest) {
+    if (focal < kShortest * image_width || focal > kLongest * image_width) {
       fail("its focal length (" + std::string(numbers) + ") is out of all proportion: " + images +
            "; if it is right, add width and height to the file");
     }
@@ -60,6 +60,12 @@ CameraFile ReadCameraFor(const std::string& path, int image_width, int image_hei
       const bool turned = std::abs(aspect * calibrated - 1) <= kSameShape && std::abs(aspect - 1) > kSameShape;
       fail(sizes + (turned ? ": turned by 90 degrees; turn the images back, or calibrate them as they are"
                            : ": of another shape, cut or stretched; calibrate with images as they are flown"));
+    }
+    const auto in_the_middle = [](double centre, int size) { return centre > 0.25 * size && centre < 0.75 * size; };
+    if (!in_the_middle(camera.cx, camera.width) || !in_the_middle(camera.cy, camera.height) ||
+        focal < kShortest * camera.width || focal > kLongest * camera.width) {
+      fail(sizes + ", and its numbers (" + numbers +
+           ") do not look like a camera of that size; are width and height right?");
     }
     camera = camera.Resized(image_width, image_height);
     result.notes.push_back("camera " + path + ": " + sizes + "; the calibration is scaled");

@@ -48,6 +48,24 @@ TEST(Codec, EveryRecordComesBackAsItWas) {
   }
 }
 
+TEST(Codec, EveryLensModelComesBack) {
+  const Record record = MakeSyntheticStream(SmallFlight())[0];
+  for (const char* name : {"pinhole", "fisheye", "rational", "fov", "omni", "double_sphere", "extended_unified",
+                           "thin_prism_fisheye", "division"}) {
+    Record changed = record;
+    Camera& camera = std::get<SessionStarted>(changed.body).camera;
+    ASSERT_TRUE(ParseCameraModel(name, &camera.model)) << name;
+    for (int i = 0; i < camera.NumCoefficients(); ++i) camera.distortion[i] = 0.01 * (i + 1);
+    const EncodedRecord encoded = EncodeRecord(changed);
+    const DecodedRecord decoded =
+        DecodeRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()));
+    ASSERT_TRUE(decoded.record) << name << ": " << decoded.error;
+    const Camera& back = std::get<SessionStarted>(decoded.record->body).camera;
+    EXPECT_EQ(back.ModelName(), name);
+    EXPECT_EQ(back.distortion, camera.distortion) << name;
+  }
+}
+
 // A rotation that was normalised once is not always one that normalising leaves alone.
 TEST(Codec, PosesComeBackToTheLastBit) {
   std::mt19937_64 rng(3);

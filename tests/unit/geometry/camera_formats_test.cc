@@ -409,6 +409,10 @@ TEST_F(CameraFormatsTest, AFileMustMeanTheseImages) {
   const std::string large = NoSize(2391.25, 1999.5, 1499.5) + "Camera.width: 4000\nCamera.height: 3000\n";
   EXPECT_NE(ErrorOf(large, 1920, 1080).find("of another shape"), std::string::npos);
   EXPECT_NE(ErrorOf(large, 1080, 1440).find("turned by 90 degrees"), std::string::npos);
+  // The numbers of a small camera with a wrong size are not scaled.
+  EXPECT_NE(ErrorOf(NoSize(119.56, 99.5, 74.5) + "Camera.width: 640\nCamera.height: 480\n", 200, 150)
+                .find("are width and height right?"),
+            std::string::npos);
   const CameraFile scaled = ReadCameraFor(Write(large), 400, 300);
   EXPECT_NEAR(scaled.camera.fx, 239.125, 1e-9);
   EXPECT_NEAR(scaled.camera.cx, 199.5, 1e-9);
