@@ -171,6 +171,16 @@ std::vector<Corner> DetectCorners(const Level& level, const OrbOptions& options,
   return corners;
 }
 
+// Corners that lie where the mask is 0 make room for others.
+void RemoveMasked(const cv::Mat& mask8, const Level& level, std::vector<Corner>* corners) {
+  const double sx = mask8.cols / static_cast<double>(level.width), sy = mask8.rows / static_cast<double>(level.height);
+  std::erase_if(*corners, [&](const Corner& c) {
+    const int x = std::min(static_cast<int>((c.x + 0.5) * sx), mask8.cols - 1);
+    const int y = std::min(static_cast<int>((c.y + 0.5) * sy), mask8.rows - 1);
+    return mask8.at<uint8_t>(y, x) == 0;
+  });
+}
+
 // Harris and Stephens, Alvey 1988: det - 0.04 trace^2.
 float HarrisStrength(const PatchKernels::Tensor& t) {
   const float xx = static_cast<float>(t.xx), xy = static_cast<float>(t.xy), yy = static_cast<float>(t.yy);
@@ -214,10 +224,12 @@ OrbExtractor::OrbExtractor(const OrbOptions& options) : options_(options), impl_
 
 OrbExtractor::~OrbExtractor() = default;
 
-RawFeatures OrbExtractor::Extract(const cv::Mat& grey8) const {
+RawFeatures OrbExtractor::Extract(const cv::Mat& grey8, const cv::Mat* mask8) const {
   RawFeatures features;
   if (grey8.empty()) return features;
   if (grey8.type() != CV_8UC1) throw std::invalid_argument("ORB extraction needs an 8-bit grey image");
+  if (mask8 != nullptr && (mask8->type() != CV_8UC1 || mask8->size() != grey8.size()))
+    throw std::invalid_argument("ORB extraction: the mask is not 8-bit grey of the image's size");
   if (std::max(grey8.cols, grey8.rows) > 32767) throw std::invalid_argument("ORB extraction: image side over 32767");
 
   std::unique_ptr<Workspace> workspace = impl_->Take();
@@ -230,6 +242,7 @@ RawFeatures OrbExtractor::Extract(const cv::Mat& grey8) const {
   std::vector<int> available(num_levels);
   for (size_t i = 0; i < num_levels; ++i) {
     corners[i] = DetectCorners(levels[i], options_, kernels);
+    if (mask8 != nullptr) RemoveMasked(*mask8, levels[i], &corners[i]);
     available[i] = static_cast<int>(corners[i].size());
     weights[i] = i == 0 ? 1.0 : weights[i - 1] / options_.scale_factor;
   }

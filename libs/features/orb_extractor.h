@@ -35,15 +35,16 @@ struct RawFeatures {
 };
 
 // ORB features: FAST corners on an image pyramid with a threshold that adapts per cell, spread evenly over image and
-// levels, each at a pixel of its level, oriented by intensity centroid, described by oriented BRIEF (Rublee et al., ICCV
-// 2011). Descriptors fit the vocabularies of ORB-SLAM. Same image and options, same bits. Thread-safe.
+// levels, each at a pixel of its level, oriented by intensity centroid, described by oriented BRIEF (Rublee et al.,
+// ICCV 2011). Descriptors fit the vocabularies of ORB-SLAM. Same image and options, same bits. Thread-safe.
 class OrbExtractor {
  public:
   explicit OrbExtractor(const OrbOptions& options);
   ~OrbExtractor();
 
   // grey8: one channel, 8 bit; throws std::invalid_argument otherwise. Any size, also empty.
-  RawFeatures Extract(const cv::Mat& grey8) const;
+  //   mask8  of the image's size, 0 where no feature may be; null: none
+  RawFeatures Extract(const cv::Mat& grey8, const cv::Mat* mask8 = nullptr) const;
 
   const OrbOptions& Options() const { return options_; }
   Pyramid ImagePyramid() const { return {options_.scale_factor, options_.num_levels}; }

@@ -16,6 +16,7 @@ struct Frame {
   int index = -1;  // in the input
   int64_t utime = 0;
   double mean_brightness = 0;  // 0 to 255
+  int num_unseen = 0;          // features left out, because the lens model has no place for them
   double sharpness = 0;        // mean absolute Laplacian, grey levels
   Features features;
   FeatureGrid grid;

@@ -1,6 +1,7 @@
 #include "procs/frontend/frame_maker.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -15,6 +16,25 @@ double Sharpness(const cv::Mat& grey) {
   cv::resize(grey, small, {}, 0.5, 0.5, cv::INTER_AREA);
   cv::Laplacian(small, laplacian, CV_16S);
   return cv::norm(laplacian, cv::NORM_L1) / static_cast<double>(laplacian.total());
+}
+
+template <typename T>
+void Keep(const std::vector<bool>& wanted, std::vector<T>* values) {
+  size_t kept = 0;
+  for (size_t i = 0; i < wanted.size(); ++i) {
+    if (wanted[i]) (*values)[kept++] = (*values)[i];
+  }
+  values->resize(kept);
+}
+
+// Leaves out the features that have no place in the ideal camera. Returns how many.
+int KeepSeen(const std::vector<bool>& seen, RawFeatures* raw, std::vector<std::array<uint8_t, 3>>* colors) {
+  const auto num_unseen = std::count(seen.begin(), seen.end(), false);
+  if (num_unseen == 0) return 0;
+  Keep(seen, &raw->keypoints);
+  Keep(seen, &raw->descriptors);
+  Keep(seen, colors);
+  return static_cast<int>(num_unseen);
 }
 
 }  // namespace
@@ -37,7 +57,7 @@ FramePtr FrameMaker::Make(const SourceImage& image) const {
   frame->utime = image.utime;
   frame->mean_brightness = cv::mean(grey)[0];
   frame->sharpness = Sharpness(grey);
-  RawFeatures raw = extractor_.Extract(grey);
+  RawFeatures raw = extractor_.Extract(grey, mask_.get());
   std::vector<Eigen::Vector2f> distorted;
   for (const Keypoint& k : raw.keypoints) {
     distorted.push_back(k.pixel);
@@ -50,8 +70,10 @@ FramePtr FrameMaker::Make(const SourceImage& image) const {
       frame->features.colors.push_back({p[2], p[1], p[0]});
     }
   }
-  const std::vector<Eigen::Vector2f> undistorted = camera_.Undistort(distorted);
+  std::vector<bool> seen;
+  const std::vector<Eigen::Vector2f> undistorted = camera_.Undistort(distorted, &seen);
   for (size_t i = 0; i < undistorted.size(); ++i) raw.keypoints[i].pixel = undistorted[i];
+  frame->num_unseen = KeepSeen(seen, &raw, &frame->features.colors);
   frame->features.keypoints = std::move(raw.keypoints);
   frame->features.descriptors = std::move(raw.descriptors);
   frame->grid = FeatureGrid(frame->features.keypoints, camera_.width, camera_.height);

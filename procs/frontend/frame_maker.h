@@ -1,5 +1,8 @@
 #pragma once
 
+#include <memory>
+#include <utility>
+
 #include "libs/capture/image_stream.h"
 #include "libs/features/orb_extractor.h"
 #include "libs/geometry/camera.h"
@@ -10,9 +13,15 @@ namespace mapmend {
 // Turns images into frames: grey, features, undistortion, colours. Thread-safe, so that it may run ahead of tracking.
 class FrameMaker {
  public:
-  // camera: of the images as they come.  scaled: the same after scaling to its width and height.
-  FrameMaker(const Camera& camera, const Camera& scaled, const OrbOptions& options)
-      : input_width_(camera.width), input_height_(camera.height), camera_(scaled), extractor_(options) {}
+  // camera: of the images as they come.  scaled: the same after scaling to its width and height.  mask: of that size,
+  // 0 where no feature may be; null: none.
+  FrameMaker(const Camera& camera, const Camera& scaled, const OrbOptions& options,
+             std::shared_ptr<const cv::Mat> mask = nullptr)
+      : input_width_(camera.width),
+        input_height_(camera.height),
+        camera_(scaled),
+        extractor_(options),
+        mask_(std::move(mask)) {}
 
   // Throws std::runtime_error if the image's size is not the camera's.
   FramePtr Make(const SourceImage& image) const;
@@ -21,6 +30,7 @@ class FrameMaker {
   int input_width_, input_height_;
   Camera camera_;
   OrbExtractor extractor_;
+  std::shared_ptr<const cv::Mat> mask_;
 };
 
 }  // namespace mapmend

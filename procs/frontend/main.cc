@@ -14,10 +14,9 @@ int main(int argc, char** argv) {
   CLI::App app("frontend: tracks one camera and publishes keyframes, map updates and loss events.", "frontend");
   mapmend::AddProcessOptions(&app, &options.process);
   app.add_option("input", options.inputs, "video files, folders of images, or images: one flight; none with --live");
-  app.add_option("--camera", options.camera_path, "calibration: ORB-SLAM, Kalibr or OpenCV yaml, or COLMAP cameras.txt")
-      ->required();
-  app.add_option("--times", options.times_path,
-                 "time of each frame in seconds, one per line; else from the frame rate");
+  app.add_option("--camera", options.camera_path, "calibration, in any format of data/cameras/README.md")->required();
+  app.add_option("--mask", options.mask_path, "image, black where no features may be, or YAML with mask_rectangles");
+  app.add_option("--times", options.times_path, "time of each frame, one per line; else from the frame rate");
   app.add_option("--vocabulary", options.vocabulary_path, "vocabulary (mapmend's or DBoW2's text format)")->required();
   app.add_option("--skip-frames", options.skip_frames, "frames to leave out, e.g. 80-120,200-240");
   app.add_option("--every", options.every, "only each so manyth frame")->check(CLI::Range(1, 100000));

@@ -18,8 +18,10 @@
 #include "libs/bus/stream_sender.h"
 #include "libs/capture/device_images.h"
 #include "libs/capture/follow_folder.h"
+#include "libs/capture/image_mask.h"
 #include "libs/capture/image_source.h"
 #include "libs/capture/paced_images.h"
+#include "libs/geometry/camera_file.h"
 #include "libs/mapping/session_id.h"
 #include "libs/retrieval/vocabulary.h"
 #include "procs/frontend/flight_diary.h"
@@ -109,30 +111,27 @@ std::unique_ptr<ImageSource> OpenFiles(const RunOptions& options, const Camera& 
   source.every = options.every;
   source.start_s = options.start_s;
   source.end_s = options.end_s;
-  source.width = camera.width;
-  source.height = camera.height;
   return std::make_unique<ImageSource>(source);
 }
 
-// A calibration file need not say the size of the images: then most of them do.
-//   file  null for a camera
-Camera WithImageSize(Camera camera, const RunOptions& options, const ImageSource* file) {
-  const bool says_size = camera.width > 0 && camera.height > 0;
+// The calibration for images of this size.
+Camera FitCamera(const RunOptions& options, int width, int height) {
+  const CameraFile file = ReadCameraFor(options.camera_path, width, height);
+  for (const std::string& note : file.notes) spdlog::info("frontend: {}", note);
+  return file.camera;
+}
+
+// The camera as the images of the input need it: most of them tell the size.
+//   file  null for a camera, whose file must tell it
+Camera InputCamera(const RunOptions& options, const Camera& given, const ImageSource* file) {
   if (file == nullptr) {
-    if (says_size) return camera;
+    if (given.width > 0) return FitCamera(options, given.width, given.height);
     throw std::runtime_error("camera file " + options.camera_path +
                              ": does not say width and height, which --live needs");
   }
   const auto [width, height] = file->UsualSize();
   if (width == 0) throw std::runtime_error("input " + options.inputs.front() + ": holds no readable frame");
-  if (says_size && (camera.width != width || camera.height != height)) {
-    throw std::runtime_error("input " + options.inputs.front() + ": its frames have " + std::to_string(width) + " x " +
-                             std::to_string(height) + " pixels, the camera file says " + std::to_string(camera.width) +
-                             " x " + std::to_string(camera.height));
-  }
-  camera.width = width;
-  camera.height = height;
-  return camera;
+  return FitCamera(options, width, height);
 }
 
 frame_pose_t ToMessage(const std::string& session, const Frame& frame, const FrameOutcome& outcome) {
@@ -246,7 +245,7 @@ int RunFrontend(const RunOptions& options) {
   const Camera given_camera = ReadCamera(options.camera_path);
   std::unique_ptr<ImageSource> file;
   if (!is_live) file = OpenFiles(options, given_camera);
-  const Camera input_camera = WithImageSize(given_camera, options, file.get());
+  const Camera input_camera = InputCamera(options, given_camera, file.get());
   Camera camera = input_camera;
   const int dimension = std::max(camera.width, camera.height);
   if (options.max_dimension > 0 && dimension > options.max_dimension)
@@ -256,7 +255,10 @@ int RunFrontend(const RunOptions& options) {
   orb.num_features = options.num_features;
   if (orb.num_features == 0) orb.num_features = camera.width * camera.height <= 1000000 ? 1000 : 2000;
   orb.Check();
-  const FrameMaker maker(input_camera, camera, orb);
+  std::shared_ptr<const cv::Mat> mask;
+  if (!options.mask_path.empty())
+    mask = std::make_shared<cv::Mat>(ReadMask(options.mask_path, camera.width, camera.height));
+  const FrameMaker maker(input_camera, camera, orb, mask);
   const std::string session = !options.session.empty() ? options.session
                               : is_live                ? NewSessionId()
                                                        : SessionForFile(options);
@@ -288,7 +290,7 @@ int RunFrontend(const RunOptions& options) {
   std::vector<double> track_ms;
   const auto begin = std::chrono::steady_clock::now();
   int num_frames = 0;
-  int64_t last_utime = 0;
+  int64_t last_utime = 0, num_unseen = 0;
   const auto report = [&] {
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     health.SetCounter("frames", num_frames);
@@ -322,6 +324,7 @@ int RunFrontend(const RunOptions& options) {
       sender.Append(frame->utime, started);
     }
     last_utime = frame->utime;
+    num_unseen += frame->num_unseen;
     const FrameOutcome outcome = frontend.ProcessFrame(frame);
     track_ms.push_back(1e3 * outcome.tracking_s);
     bus.Publish(channels::kFramePose, ToMessage(session, *frame, outcome));
@@ -348,6 +351,8 @@ int RunFrontend(const RunOptions& options) {
   DeliverAll(options, is_live, &sender, &health);
   report();
   if (!options.profile_path.empty()) WriteProfile(options.profile_path);
+  if (num_unseen > 0)
+    spdlog::info("frontend: {} features lay where the lens model has no inverse and were left out", num_unseen);
   const std::string dropped = DescribeDropped(input.Stream()->NumDropped(), input.NumBad());
   if (!dropped.empty()) spdlog::warn("{}", dropped);
   const std::string problem = input.Problem();

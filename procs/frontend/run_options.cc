@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "libs/capture/fingerprint.h"
+#include "libs/geometry/write_file.h"
 #include "libs/mapping/session_id.h"
 
 namespace mapmend {
@@ -25,6 +26,7 @@ std::string ToJson(const RunOptions& options) {
   if (options.start_s > 0) json["start_s"] = options.start_s;
   if (std::isfinite(options.end_s)) json["end_s"] = options.end_s;
   if (options.mode != InputMode::kLockstep) json["mode"] = ModeName(options.mode);
+  if (!options.mask_path.empty()) json["mask"] = SessionIdFromText(ReadFile(options.mask_path));
   return json.dump();
 }
 

@@ -19,6 +19,7 @@ struct RunOptions {
   ProcessOptions process;
   std::vector<std::string> inputs;
   std::string camera_path, times_path, vocabulary_path, skip_frames, session, outbox_path, vehicle;
+  std::string mask_path;                                   // see ReadMask; empty: none
   int every = 1;                                           // of a file: only each so manyth frame
   double start_s = 0;                                      // only frames from so many seconds on ...
   double end_s = std::numeric_limits<double>::infinity();  // ... and before this, counted from the first frame

@@ -66,7 +66,10 @@ Backend::Backend(const BackendOptions& options)
   }
   std::vector<std::string> viewer = {FindProgram("viewer_export"), "--out", options_.out, "--port",
                                      std::to_string(options_.port)};
-  if (!options_.groundtruth.empty()) viewer.insert(viewer.end(), {"--groundtruth", options_.groundtruth});
+  if (!options_.groundtruth.empty()) {
+    viewer.insert(viewer.end(), {"--groundtruth", options_.groundtruth});
+    viewer.insert(viewer.end(), options_.groundtruth_arguments.begin(), options_.groundtruth_arguments.end());
+  }
   if (options_.with_viewer) StartProcess("viewer_export", viewer, OnExit::kRestart);
   if (options_.with_merger) WaitUntilReady("merger");
   if (options_.with_viewer) WaitUntilReady("viewer_export");

@@ -22,8 +22,9 @@ struct BackendOptions {
   std::string db;   // the database; empty: OUT/map.db
   std::string vocabulary;
   std::string vocabulary_hash;
-  std::string groundtruth;  // empty: none
-  std::string lcm_url;      // empty: a private hub
+  std::string groundtruth;                         // empty: none
+  std::vector<std::string> groundtruth_arguments;  // of viewer_export, on how to read it
+  std::string lcm_url;                             // empty: a private hub
   std::string channel_prefix;
   std::string log_level = "info";
   std::optional<int> seed;

@@ -4,6 +4,7 @@
 #include <iostream>
 #include <memory>
 
+#include "libs/geometry/read_trajectory.h"
 #include "libs/geometry/write_file.h"
 #include "procs/mapmend/commands.h"
 #include "procs/mapmend/evaluation_report.h"
@@ -15,7 +16,8 @@ namespace {
 struct EvalOptions {
   std::vector<std::string> files;  // estimates, then the ground truth
   bool rigid = false;
-  double tolerance_s = 0.01;
+  double tolerance_s = 0.01, time_offset_s = 0;
+  std::string times;
   std::string picture, json;
 };
 
@@ -31,18 +33,22 @@ void Run(const EvalOptions& arguments) {
   if (!arguments.picture.empty() && !arguments.picture.ends_with(".svg") && !arguments.picture.ends_with(".png")) {
     throw std::runtime_error("--picture " + arguments.picture + ": the name must end in .svg or .png");
   }
-  const Trajectory ground_truth = ReadTrajectory(arguments.files.back());
+  const TrajectoryFile truth = ReadGroundTruth(arguments.files.back(), arguments.times, arguments.time_offset_s);
+  const Trajectory& ground_truth = truth.poses;
   EvaluationOptions options;
   options.kind = arguments.rigid ? AlignmentKind::kRigid : AlignmentKind::kSimilarity;
   options.tolerance_us = std::llround(arguments.tolerance_s * 1e6);
   std::vector<EvaluatedTrajectory> evaluated;
   bool any = false;
   for (size_t i = 0; i + 1 < arguments.files.size(); ++i) {
-    EvaluatedTrajectory e{arguments.files[i], ReadTrajectory(arguments.files[i]), {}};
+    const TrajectoryFile estimate = ReadTrajectoryFile(arguments.files[i]);
+    if (!estimate.note.empty()) std::cerr << estimate.note << "\n";
+    EvaluatedTrajectory e{arguments.files[i], estimate.poses, {}};
     e.evaluation = EvaluateTrajectory(e.trajectory, ground_truth, options);
     any |= e.evaluation.success;
     evaluated.push_back(std::move(e));
   }
+  if (!truth.note.empty()) std::cerr << "ground truth " << truth.note << "\n";
   std::cout << FormatEvaluationTable(evaluated) << std::flush;
   if (!arguments.json.empty()) {
     WriteFile(arguments.json, FormatEvaluationJson(evaluated, arguments.files.back(), options));
@@ -59,10 +65,11 @@ void AddEvalCommand(CLI::App* app) {
   auto options = std::make_shared<EvalOptions>();
   CLI::App* sub =
       app->add_subcommand("eval", "Compare trajectories with ground truth: absolute trajectory error and coverage");
-  sub->add_option(
-         "files", options->files,
-         "One or more estimates, then the ground truth: TUM files (t tx ty tz qx qy qz qw, world_from_camera). Each "
-         "estimate is aligned by itself; `mapmend eval out/submaps/*/frames.tum GT.tum` checks every submap.")
+  sub->add_option("files", options->files,
+                  "One or more estimates, then the ground truth: TUM files (t tx ty tz qx qy qz qw, "
+                  "world_from_camera), EuRoC's csv, positions (t x y z), or KITTI's matrices with "
+                  "--times. Each "
+                  "estimate is aligned by itself; `mapmend eval out/submaps/*/frames.tum GT.tum` checks every submap.")
       ->required()
       ->expected(2, 100000)
       ->type_name("EST.tum ... GT.tum");
@@ -70,6 +77,8 @@ void AddEvalCommand(CLI::App* app) {
   sub->add_option("--tolerance", options->tolerance_s, "Largest difference in time of poses compared, seconds")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
+  sub->add_option("--time-offset", options->time_offset_s, "Seconds to add to the times of the ground truth");
+  sub->add_option("--times", options->times, "Times of the frames, for a ground truth without times (KITTI)");
   sub->add_option("--picture", options->picture, "Write a top view of the aligned trajectories: FILE.svg or FILE.png");
   sub->add_option("--json", options->json, "Write the figures as JSON");
   sub->callback([options] { Run(*options); });

@@ -30,6 +30,7 @@ std::vector<std::string> FrontendArguments(const RunOptions& options, const std:
   add("--source", options.source);
   add("--image-channel", options.image_channel);
   add("--times", options.times);
+  add("--mask", options.mask);
   add("--skip-frames", options.skip_frames);
   add("--vehicle", options.vehicle);
   if (options.profile) add("--profile", ProfilePath(options));

@@ -12,10 +12,9 @@ void AddFlightOptions(CLI::App* sub, RunOptions* options) {
                   "video file, or folder of images taken in the order of their names; several are the parts of one "
                   "flight, in order; none with --live");
   sub->add_option("--camera", options->camera,
-                  "calibration: ORB-SLAM, Kalibr, OpenCV or COLMAP format (default: camera.yaml beside INPUT)");
-  sub->add_option(
-      "--times", options->times,
-      "one time in seconds per line and frame (default: times.txt beside INPUT, else the video's own times)");
+                  "calibration, in any format of data/cameras/README.md (default: camera.yaml beside INPUT)");
+  sub->add_option("--times", options->times,
+                  "one time per line and frame (default: times.txt beside INPUT, else the video's own times)");
   sub->add_option("--vocabulary", options->vocabulary, "mapmend's format or DBoW2 text (default: mapmend's own)");
   sub->add_option("--skip-frames", options->skip_frames,
                   "frames to leave out, to simulate interruptions, e.g. 80-120,200-240");
@@ -70,10 +69,20 @@ void AddRunCommand(CLI::App* app) {
   CLI::App* sub = app->add_subcommand("run", "Map one flight: a video or a folder of images becomes one merged map");
   const auto options = std::make_shared<RunOptions>();
   AddFlightOptions(sub, options.get());
+  sub->add_option("--mask", options->mask,
+                  "where no features may be (on-screen text, propellers, bonnet): an image of the frames' shape, black "
+                  "there, or YAML with mask_rectangles");
   sub->add_option("--out", options->out, "folder of the results (default: ./mapmend-<name of INPUT>)");
   sub->add_flag("--overwrite", options->overwrite, "replace the results of an earlier run in --out");
   sub->add_flag("--append", options->append, "map this flight into the map that is already in --out");
-  sub->add_option("--groundtruth", options->groundtruth, "TUM file; the report then tells the accuracy");
+  sub->add_option(
+      "--groundtruth", options->groundtruth,
+      "trajectory to compare the map with (TUM, EuRoC, KITTI with --times, or positions t x y z); the report "
+      "then tells the accuracy");
+  sub->add_option("--time-offset", options->time_offset, "seconds to add to the times of the ground truth");
+  sub->add_option("--time-tolerance", options->time_tolerance,
+                  "largest difference in time of poses compared with the ground truth, seconds (default: 0.01)")
+      ->check(CLI::Range(0.0, 1e6));
   sub->add_option("--record", options->record, "folder: lcm-logger writes mapmend.lcmlog there, for `mapmend replay`");
   sub->add_flag("--profile", options->profile,
                 "print the frontend's time per frame for each stage; also in summary.json and the report");

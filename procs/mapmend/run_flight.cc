@@ -45,6 +45,7 @@ std::string SessionOf(const RunOptions& options) {
     if (number) text += std::string("|") + name + std::to_string(*number);
   }
   if (options.every) text += "|every" + std::to_string(*options.every);
+  if (!options.mask.empty()) text += "|mask " + SessionIdFromText(ReadFile(options.mask));
   if (options.realtime) text += "|realtime";
   return SessionIdFromText(text);
 }
@@ -57,6 +58,14 @@ std::string DescribeCamera(const RunOptions& options) {
   if (!options.source.empty()) return options.source;
   return "the camera on " + options.channel_prefix +
          (options.image_channel.empty() ? channels::kImage : options.image_channel);
+}
+
+std::vector<std::string> GroundTruthArguments(const RunOptions& options) {
+  std::vector<std::string> argv;
+  if (!options.times.empty()) argv = {"--times", options.times};
+  if (options.time_offset) argv.insert(argv.end(), {"--time-offset", std::to_string(*options.time_offset)});
+  if (options.time_tolerance) argv.insert(argv.end(), {"--time-tolerance", std::to_string(*options.time_tolerance)});
+  return argv;
 }
 
 std::string DescribeProgress(const Backend& backend, int num_frames) {
@@ -136,6 +145,7 @@ int RunFlight(const RunInputs& inputs) {
     backend_options.vocabulary = options.vocabulary;
     backend_options.vocabulary_hash = inputs.vocabulary_hash;
     backend_options.groundtruth = options.groundtruth;
+    backend_options.groundtruth_arguments = GroundTruthArguments(options);
     backend_options.lcm_url = options.lcm_url;
     backend_options.channel_prefix = options.channel_prefix;
     backend_options.log_level = options.log_level;

@@ -4,12 +4,13 @@
 #include <stdexcept>
 
 #include "libs/capture/device_images.h"
+#include "libs/capture/image_mask.h"
 #include "libs/capture/image_source.h"
 #include "libs/capture/times_beside.h"
 #include "libs/command_line/command_line.h"
 #include "libs/geometry/camera.h"
-#include "libs/geometry/times_file.h"
-#include "libs/geometry/trajectory_file.h"
+#include "libs/geometry/camera_file.h"
+#include "libs/geometry/read_trajectory.h"
 #include "libs/retrieval/vocabulary.h"
 #include "procs/mapmend/paths.h"
 #include "procs/mapmend/run_options.h"
@@ -38,8 +39,17 @@ void CheckVocabulary(RunInputs* inputs) {
   inputs->vocabulary_hash = Vocabulary::Read(options.vocabulary).Hash();
 }
 
+// The camera file and the mask against images of a known size.
+void CheckAgainstImages(RunInputs* inputs, int width, int height) {
+  const RunOptions& options = inputs->options;
+  const CameraFile file = ReadCameraFor(options.camera, width, height);
+  inputs->notes.insert(inputs->notes.end(), file.notes.begin(), file.notes.end());
+  if (!options.mask.empty()) ReadMask(options.mask, width, height);
+}
+
 // What concerns the camera file and the input, for a camera on the bus.
-void CheckLiveInput(RunOptions* options) {
+void CheckLiveInput(RunInputs* inputs) {
+  RunOptions* const options = &inputs->options;
   const auto refuse = [](bool given, const char* what) {
     if (given) Fail(std::string(what) + " does not go with --live");
   };
@@ -66,6 +76,7 @@ void CheckLiveInput(RunOptions* options) {
   if (camera.width <= 0 || camera.height <= 0) {
     Fail("camera file " + options->camera + ": does not say width and height, which --live needs");
   }
+  CheckAgainstImages(inputs, camera.width, camera.height);
 }
 
 // The same for a file. Notes what was found beside it.
@@ -113,6 +124,7 @@ void CheckFileInput(RunInputs* inputs) {
   const ImageSource images(source);
   inputs->num_frames = images.FramesHint();
   for (const std::string& note : images.Notes()) inputs->notes.push_back(note);
+  if (const auto [width, height] = images.UsualSize(); width > 0) CheckAgainstImages(inputs, width, height);
 }
 
 }  // namespace
@@ -131,7 +143,7 @@ RunInputs CheckRunInputs(const RunOptions& given) {
   inputs.options = given;
   RunOptions& options = inputs.options;
   if (options.live)
-    CheckLiveInput(&options);
+    CheckLiveInput(&inputs);
   else
     CheckFileInput(&inputs);
   if (!options.live && (!options.source.empty() || !options.image_channel.empty()))
@@ -141,7 +153,10 @@ RunInputs CheckRunInputs(const RunOptions& given) {
     throw UsageError("--max-waiting needs --realtime or --live");
   if (!options.groundtruth.empty()) {
     RequireReadableFile(options.groundtruth, "ground truth");
-    if (ReadTrajectory(options.groundtruth).empty()) Fail("ground truth " + options.groundtruth + " holds no pose");
+    const TrajectoryFile file = ReadGroundTruth(options.groundtruth, options.times, options.time_offset.value_or(0));
+    if (!file.note.empty()) inputs.notes.push_back("ground truth " + file.note);
+  } else if (options.time_offset || options.time_tolerance) {
+    throw UsageError("--time-offset and --time-tolerance need --groundtruth");
   }
   if (options.features && *options.features < 100)
     Fail("--features " + std::to_string(*options.features) + ": at least 100");

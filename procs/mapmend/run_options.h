@@ -12,12 +12,14 @@ struct RunOptions {
   std::vector<std::string> inputs;
   std::string camera;       // empty: camera.yaml beside the input
   std::string times;        // empty: times.txt beside the input if there is one, else the video's own times
+  std::string mask;         // image or rectangles where no features may be; empty: none
   std::string out;          // empty: ./mapmend-<name of the input>
   std::string vocabulary;   // empty: mapmend's own
   std::string groundtruth;  // empty: none
-  std::string record;       // folder for a log of the stream; empty: none
-  std::string skip_frames;  // e.g. 80-120,200-240
-  std::string session;      // UUID; empty: made from input and options, new with append
+  std::optional<double> time_offset, time_tolerance;  // of the ground truth, seconds; unset: 0 and the viewer's
+  std::string record;                                 // folder for a log of the stream; empty: none
+  std::string skip_frames;                            // e.g. 80-120,200-240
+  std::string session;                                // UUID; empty: made from input and options, new with append
   std::string vehicle;
   std::string lcm_url;  // empty: LCM_DEFAULT_URL, else a private hub on a free port
   std::string channel_prefix;

@@ -112,6 +112,8 @@ std::string FormatSummaryTable(const std::string& out) {
         Format("%.3f m ATE RMSE against the ground truth (median %.3f, max %.3f)", Number(summary, "ate_rmse_m"),
                Number(summary, "ate_median_m"), Number(summary, "ate_max_m")));
   }
+  if (summary.contains("groundtruth_problem"))
+    row("accuracy", "unknown: " + summary.value("groundtruth_problem", std::string()));
   if (summary.contains("max_error_of_depth")) {
     row("", Format("largest error within a submap: %.2f %% of the distance to the scene",
                    100 * Number(summary, "max_error_of_depth")));

@@ -98,7 +98,8 @@ Json Pictures(const Snapshot& snapshot, const LiveInputs& inputs, const GroundTr
     TrajectoryPictureOptions options;
     Evaluation evaluation;
     if (ground_truth != nullptr) {
-      evaluation = EvaluateTrajectory(ToTrajectory(snapshot.components[c].frames), ground_truth->trajectory, {});
+      evaluation = EvaluateTrajectory(ToTrajectory(snapshot.components[c].frames), ground_truth->trajectory,
+                                      ground_truth->options);
       options.evaluation = &evaluation;
       options.ground_truth = &ground_truth->trajectory;
     }

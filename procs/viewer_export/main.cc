@@ -1,8 +1,11 @@
 // viewer_export: follows a flight, shows it on a live page and writes the exports when the final map is there.
 
+#include <cmath>
+
 #include "libs/bus/bus.h"
 #include "libs/bus/process.h"
 #include "libs/command_line/command_line.h"
+#include "libs/geometry/read_trajectory.h"
 #include "procs/viewer_export/exporter.h"
 #include "procs/viewer_export/live_server.h"
 #include "procs/viewer_export/viewer.h"
@@ -16,11 +19,16 @@ int Main(int argc, char** argv) {
       "viewer_export");
   ProcessOptions process;
   ViewerOptions options;
-  std::string ground_truth, report, bind = "127.0.0.1";
+  double time_offset_s = 0, time_tolerance_s = 0.01;
+  std::string ground_truth, times, report, bind = "127.0.0.1";
   int port = 0;
   AddProcessOptions(&app, &process);
   app.add_option("--out", options.out, "Directory for the exports (default: none are written)");
-  app.add_option("--groundtruth", ground_truth, "TUM file to compare the map with");
+  app.add_option("--groundtruth", ground_truth, "trajectory to compare the map with");
+  app.add_option("--times", times, "times of the frames, for a ground truth without times (KITTI)");
+  app.add_option("--time-offset", time_offset_s, "seconds to add to the times of the ground truth");
+  app.add_option("--time-tolerance", time_tolerance_s, "largest difference in time of poses compared, seconds")
+      ->check(CLI::Range(0.0, 1e6));
   app.add_option("--port", port, "TCP port of the live page, 0 for none")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
@@ -35,7 +43,10 @@ int Main(int argc, char** argv) {
     return 0;
   }
   // What can be wrong with the arguments shows before anything is connected.
-  if (!ground_truth.empty()) options.ground_truth = GroundTruth{ground_truth, ReadTrajectory(ground_truth)};
+  if (!ground_truth.empty()) {
+    options.ground_truth = GroundTruth{ground_truth, ReadGroundTruth(ground_truth, times, time_offset_s).poses, {}};
+    options.ground_truth->options.tolerance_us = std::llround(time_tolerance_s * 1e6);
+  }
   if (!options.out.empty()) PrepareDirectory(options.out);
   std::unique_ptr<LiveServer> server;
   if (port > 0) server = std::make_unique<LiveServer>(bind, port, options.out);

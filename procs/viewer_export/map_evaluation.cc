@@ -39,7 +39,7 @@ DepthShare ShareOfDepth(const Submap& submap, const Evaluation& evaluation) {
 
 MapEvaluation EvaluateMap(const Snapshot& snapshot, const GroundTruth& ground_truth) {
   MapEvaluation result;
-  const EvaluationOptions options;
+  const EvaluationOptions& options = ground_truth.options;
   for (const SnapshotComponent& component : snapshot.components) {
     result.components.push_back(EvaluateTrajectory(ToTrajectory(component.frames), ground_truth.trajectory, options));
   }

@@ -11,6 +11,7 @@ namespace mapmend {
 struct GroundTruth {
   std::string file;
   Trajectory trajectory;
+  EvaluationOptions options;
 };
 
 // The errors of a submap's frames against how far away the scene was, which is what makes them large or small: an error

@@ -125,6 +125,12 @@ std::string Figures(const Json& s) {
   return html + "</div>\n";
 }
 
+// Why there is no error in the figures although there is a ground truth.
+std::string GroundTruthProblem(const Json& s) {
+  if (!s.contains("groundtruth_problem")) return "";
+  return "<p><b>No accuracy:</b> " + Escaped(s["groundtruth_problem"]) + "</p>\n";
+}
+
 // For each part beside the main map: the strongest attempt to join it to another part, or that there was none.
 std::string WhyApart(const Json& s) {
   if (s["components"].size() < 2) return "";
@@ -324,7 +330,7 @@ std::string MakeReport(const std::string& summary_json, const std::string& graph
         "report</title>\n"
         "<style>";
     html += kReportStyle;
-    html += "</style></head>\n<body><main>\n" + Head(s) + Banner(s) + Figures(s);
+    html += "</style></head>\n<body><main>\n" + Head(s) + Banner(s) + Figures(s) + GroundTruthProblem(s);
     for (const std::string& svg : trajectory_svgs) html += "<div class=\"picture\">" + svg + "</div>\n";
     html += WhyApart(s);
     html += "<div class=\"picture\">" + graph_svg + "</div>\n";

@@ -241,6 +241,21 @@ TEST(OrbExtractor, TexturelessTinyAndNarrowImages) {
   EXPECT_GT(max_x, 2700);
 }
 
+// What is masked makes room for others, and a mask that masks nothing changes nothing.
+TEST(OrbExtractor, NoFeaturesUnderTheMask) {
+  const cv::Mat image = FlightImage();
+  const OrbExtractor extractor = Extractor(500);
+  const RawFeatures all = extractor.Extract(image);
+  cv::Mat mask(image.size(), CV_8UC1, cv::Scalar(255));
+  EXPECT_EQ(extractor.Extract(image, &mask).descriptors, all.descriptors);
+  mask.colRange(0, 300).setTo(0);
+  const RawFeatures features = extractor.Extract(image, &mask);
+  for (const Keypoint& k : features.keypoints) EXPECT_GE(k.pixel.x(), 299.5f);
+  EXPECT_GT(features.Size(), 450);
+  const auto is_left = [](const Keypoint& k) { return k.pixel.x() < 299; };
+  EXPECT_GT(std::count_if(all.keypoints.begin(), all.keypoints.end(), is_left), 50);
+}
+
 TEST(OrbExtractor, RefusesBadInput) {
   EXPECT_THROW(Extractor(500).Extract(cv::Mat(100, 100, CV_8UC3)), std::invalid_argument);
   OrbOptions options;

@@ -4,6 +4,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 
@@ -90,6 +91,45 @@ TEST_F(RunInputsTest, NamesWhatIsMissing) {
 TEST_F(RunInputsTest, NamesTheKeyOfTheCameraFile) {
   options_.camera = Write("camera.yaml", "Camera.fx: 478\nCamera.cx: 400\nCamera.cy: 300\n");
   EXPECT_EQ(Error(), "camera file " + options_.camera + ": key Camera.fy is missing (ORB-SLAM settings)");
+}
+
+std::string CameraText(double f, double cx, double cy, const std::string& more) {
+  char text[300];
+  std::snprintf(text, sizeof(text), "Camera.fx: %g\nCamera.fy: %g\nCamera.cx: %g\nCamera.cy: %g\n", f, f, cx, cy);
+  return text + more;
+}
+
+// The images of the flight have 800 x 600 pixels.
+TEST_F(RunInputsTest, TheCameraFileMustMeanTheseImages) {
+  options_.camera = Write("camera.yaml", CameraText(2391.25, 1999.5, 1499.5, ""));
+  EXPECT_NE(Error().find("its principal point"), std::string::npos) << Error();
+  options_.camera = Write("camera.yaml", CameraText(0.6, 0.5, 0.5, ""));
+  EXPECT_NE(Error().find("normalised"), std::string::npos) << Error();
+  options_.camera = Write("camera.yaml", CameraText(900, 959.5, 539.5, "Camera.cols: 1920\nCamera.rows: 1080\n"));
+  EXPECT_NE(Error().find("the images have 800 x 600 pixels, the camera file says 1920 x 1080"), std::string::npos);
+  options_.camera = Write("camera.yaml", CameraText(2391.25, 1999.5, 1499.5, "Camera.cols: 4000\nCamera.rows: 3000\n"));
+  const RunInputs inputs = CheckRunInputs(options_);
+  ASSERT_EQ(inputs.notes.size(), 1u);
+  EXPECT_NE(inputs.notes[0].find("the calibration is scaled"), std::string::npos) << inputs.notes[0];
+}
+
+TEST_F(RunInputsTest, AMaskIsReadBeforeAnythingStarts) {
+  options_.mask = Write("mask.yaml", "mask_rectangles: [[0, 1, 0, 0.1]]\n");
+  EXPECT_TRUE(CheckRunInputs(options_).notes.empty());
+  options_.mask = Write("mask.yaml", "mask_rectangles: [[0, 1, 0, 1]]\n");
+  EXPECT_NE(Error().find("mask " + options_.mask + ": covers the whole image"), std::string::npos) << Error();
+}
+
+TEST_F(RunInputsTest, GroundTruthIsReadBeforeAnythingStarts) {
+  options_.groundtruth = Write("gt.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n");
+  EXPECT_NE(Error().find("1 poses for 172 times"), std::string::npos) << Error();
+  options_.groundtruth = Write("gt.txt", "1525003606.0 0 0 70\n1525003612.0 nan nan nan\n");
+  const RunInputs inputs = CheckRunInputs(options_);
+  ASSERT_EQ(inputs.notes.size(), 1u);
+  EXPECT_NE(inputs.notes[0].find("1 line that is not a number left out"), std::string::npos) << inputs.notes[0];
+  options_.groundtruth.clear();
+  options_.time_offset = 5;
+  EXPECT_NE(Error().find("need --groundtruth"), std::string::npos) << Error();
 }
 
 TEST_F(RunInputsTest, WantsATimeForEachFrame) {

@@ -52,6 +52,12 @@ TEST_F(RunSummaryTest, PrintsATable) {
             "  hub              0.5 CPU s      70 MB\n");
 }
 
+TEST_F(RunSummaryTest, TellsWhyThereIsNoAccuracy) {
+  WriteFile(out_ + "/summary.json",
+            R"({"frames_in": 3, "groundtruth": "gt.tum", "groundtruth_problem": "no pose fits"})");
+  EXPECT_NE(FormatSummaryTable(out_).find("accuracy     unknown: no pose fits"), std::string::npos);
+}
+
 TEST_F(RunSummaryTest, TellsWhatWasDroppedAndRefused) {
   WriteFile(out_ + "/summary.json", R"({"frames_in": 3})");
   LauncherFigures figures;
