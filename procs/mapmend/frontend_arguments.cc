@@ -6,6 +6,8 @@ namespace mapmend {
 
 std::string ProfilePath(const RunOptions& options) { return options.out + "/logs/profile.json"; }
 
+std::string EventsPath(const RunOptions& options) { return options.out + "/events.jsonl"; }
+
 std::vector<std::string> FrontendArguments(const RunOptions& options, const std::string& session) {
   std::vector<std::string> argv = {FindProgram("frontend"),
                                    "--camera",
@@ -17,7 +19,7 @@ std::vector<std::string> FrontendArguments(const RunOptions& options, const std:
                                    "--outbox",
                                    options.out + "/outbox",
                                    "--events",
-                                   options.out + "/events.jsonl"};
+                                   EventsPath(options)};
   if (options.live) argv.push_back("--live");
   argv.insert(argv.end(), options.inputs.begin(), options.inputs.end());
   if (options.realtime) argv.push_back("--realtime");

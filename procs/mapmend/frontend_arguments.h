@@ -13,4 +13,7 @@ std::vector<std::string> FrontendArguments(const RunOptions& options, const std:
 // Where the frontend writes its times with --profile.
 std::string ProfilePath(const RunOptions& options);
 
+// The events of the flight, a JSON line each.
+std::string EventsPath(const RunOptions& options);
+
 }  // namespace mapmend

@@ -1,12 +1,19 @@
 #include "procs/mapmend/progress.h"
 
+#include <sys/ioctl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
 namespace mapmend {
 namespace {
+
+int TerminalColumns() {
+  winsize size{};
+  return ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 ? size.ws_col : 0;
+}
 
 constexpr double kTerminalInterval = 0.1, kPlainInterval = 5.0;  // seconds
 
@@ -26,8 +33,9 @@ void Progress::Show(const std::string& text) {
   last_ = now;
   last_text_ = text;
   if (terminal_) {
-    std::printf("\r%-*s", static_cast<int>(shown_width_), text.c_str());
-    shown_width_ = text.size();
+    const std::string line = FitToWidth(text, TerminalColumns());
+    std::printf("\r%-*s", static_cast<int>(shown_width_), line.c_str());
+    shown_width_ = line.size();
   } else {
     std::printf("%s\n", text.c_str());
   }
@@ -39,6 +47,14 @@ void Progress::Say(const std::string& line) {
   shown_width_ = 0;
   std::printf("%s\n", line.c_str());
   std::fflush(stdout);
+}
+
+std::string FitToWidth(const std::string& text, int columns) {
+  // The last column stays free: some terminals go on to the next line when it is filled.
+  const int room = columns - 1;
+  if (columns <= 0 || static_cast<int>(text.size()) <= room) return text;
+  if (room <= 3) return text.substr(0, static_cast<size_t>(std::max(0, room)));
+  return text.substr(0, static_cast<size_t>(room - 3)) + "...";
 }
 
 std::string FormatDuration(double seconds) {

@@ -11,7 +11,8 @@ class Progress {
   Progress();
   ~Progress();  // ends the line
 
-  // Shows text; at most ten times a second on a terminal, else when `interval_s` have passed since the last line.
+  // Shows text, cut to the terminal's width; at most ten times a second on a terminal, else when `interval_s` have
+  // passed since the last line.
   void Show(const std::string& text);
   // A line of its own that stays.
   void Say(const std::string& line);
@@ -19,10 +20,13 @@ class Progress {
  private:
   using Clock = std::chrono::steady_clock;
   bool terminal_;
-  size_t shown_width_ = 0;
+  size_t shown_width_ = 0;  // characters of the line that stands there
   std::string last_text_;
   Clock::time_point last_;
 };
+
+// The text, cut to fit a terminal of so many columns (0: unknown, nothing is cut), with "..." where it was cut.
+std::string FitToWidth(const std::string& text, int columns);
 
 // "1:05" or "1:02:05"; seconds are rounded.
 std::string FormatDuration(double seconds);

@@ -5,14 +5,17 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <mapmend/merged_transforms_t.hpp>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #include "libs/bus/channels.h"
+#include "libs/bus/event_log.h"
 #include "libs/bus/process.h"
 #include "libs/bus/stop_request.h"
 #include "libs/capture/fingerprint.h"
+#include "libs/bus/tree_changes.h"
 #include "libs/geometry/write_file.h"
 #include "libs/mapping/session_id.h"
 #include "procs/mapmend/backend.h"
@@ -21,6 +24,7 @@
 #include "procs/mapmend/out_folder.h"
 #include "procs/mapmend/paths.h"
 #include "procs/mapmend/progress.h"
+#include "procs/mapmend/progress_text.h"
 #include "procs/mapmend/recorder.h"
 #include "procs/mapmend/session_rescue.h"
 
@@ -68,22 +72,36 @@ std::vector<std::string> GroundTruthArguments(const RunOptions& options) {
   return argv;
 }
 
-std::string DescribeProgress(const Backend& backend, int num_frames) {
+void AddEvent(const TreeChange& change, int64_t revision, EventLog* events) {
+  events->Add(change.joined ? "joined" : "separated", {{"session_a", change.session_a},
+                                                       {"submap_a", change.submap_a},
+                                                       {"session_b", change.session_b},
+                                                       {"submap_b", change.submap_b},
+                                                       {"revision", revision}});
+}
+
+FlightProgress ReadProgress(const Backend& backend, int num_frames) {
   const auto* frontend = backend.Health("frontend");
-  const double frames = CounterOr(frontend, "frames", 0), fps = CounterOr(frontend, "fps", 0);
-  const double total = CounterOr(frontend, "frames_total", num_frames);
-  char text[200];
-  const double dropped = CounterOr(frontend, "frames_dropped", 0), bad = CounterOr(frontend, "bad_messages", 0);
-  int size = std::snprintf(text, sizeof(text), "%.0f", frames);
-  if (total > 0) size += std::snprintf(text + size, sizeof(text) - size, "/%.0f", total);
-  size += std::snprintf(text + size, sizeof(text) - size, " frames  %.1f fps  %.0f submaps  %.0f connections", fps,
-                        CounterOr(frontend, "submaps", 0), CounterOr(backend.Health("merger"), "connections", 0));
-  std::string result(text, size);
-  if (dropped > 0) result += "  " + std::to_string(static_cast<int64_t>(dropped)) + " dropped";
-  if (bad > 0) result += "  " + std::to_string(static_cast<int64_t>(bad)) + " refused";
-  const double left = total - frames - dropped;
-  if (left > 0 && fps > 0) result += "  " + FormatDuration(left / fps) + " left";
-  return result;
+  const auto* merger = backend.Health("merger");
+  FlightProgress progress;
+  progress.frames = CounterOr(frontend, "frames", 0);
+  progress.frames_total = CounterOr(frontend, "frames_total", num_frames);
+  progress.fps = CounterOr(frontend, "fps", 0);
+  progress.submaps = static_cast<int>(CounterOr(frontend, "submaps", 0));
+  progress.connections = static_cast<int>(CounterOr(merger, "connections", 0));
+  progress.dropped = static_cast<int64_t>(CounterOr(frontend, "frames_dropped", 0));
+  progress.refused = static_cast<int64_t>(CounterOr(frontend, "bad_messages", 0));
+  if (const auto lost = FindCounter(frontend, "lost_frame")) {
+    progress.lost_frame = static_cast<int>(*lost);
+    progress.lost_utime = static_cast<int64_t>(CounterOr(frontend, "lost_utime", 0));
+    if (const double found = CounterOr(frontend, "found_frame", -1); found >= 0)
+      progress.found_frame = static_cast<int>(found);
+  }
+  if (progress.frames_total > 0) {
+    progress.merging_s =
+        EstimateMergingSeconds(CounterOr(frontend, "keyframes", 0), progress.frames / progress.frames_total);
+  }
+  return progress;
 }
 
 // Dispatches the bus. In a live flight the first Ctrl-C asks the frontend to finish; the second interrupts.
@@ -158,6 +176,13 @@ int RunFlight(const RunInputs& inputs) {
                  options.out + "; bus " + backend.Url() +
                  (port > 0 ? "; live page http://127.0.0.1:" + std::to_string(port) : ""));
     WriteFile(options.out + "/logs/lcm-url", backend.Url() + "\n");
+    EventLog events(EventsPath(options), "mapmend");
+    TreeChanges tree;
+    backend.bus()->Subscribe<merged_transforms_t>(channels::kMergedTransforms, Delivery::kKeepAll,
+                                                  [&](const merged_transforms_t& message) {
+                                                    for (const TreeChange& change : tree.Update(message))
+                                                      AddEvent(change, message.revision, &events);
+                                                  });
     std::unique_ptr<Recorder> recorder;
     if (!recording.empty()) recorder = std::make_unique<Recorder>(&backend, recording, options.channel_prefix);
 
@@ -169,7 +194,7 @@ int RunFlight(const RunInputs& inputs) {
       const auto* health = backend.Health("frontend");
       if (health != nullptr) frontend = *health;
       if (const pid_t pid = backend.supervisor()->Pid("frontend"); pid > 0) frontend_pid = pid;
-      progress.Show(DescribeProgress(backend, inputs.num_frames));
+      progress.Show(DescribeFlight(ReadProgress(backend, inputs.num_frames)));
       flight_end.Tick(50);
     }
     const ExitStatus status = *backend.supervisor()->Status("frontend");
@@ -188,13 +213,13 @@ int RunFlight(const RunInputs& inputs) {
       last_seq = *rescued;
       progress.Say(complaint + "; mapping what it has seen");
     }
+    const auto merging_since = Clock::now();
+    const double estimate_s = EstimateMergingSeconds(CounterOr(&frontend, "keyframes", 0), 1);
     while (!backend.IsFinished(session, last_seq)) {
       const auto* merger = backend.Health("merger");
-      char text[100];
-      std::snprintf(text, sizeof(text), "merging: %.0f connections, %.0f in use, %.0f components",
-                    CounterOr(merger, "connections", 0), CounterOr(merger, "edges_accepted", 0),
-                    CounterOr(merger, "components", 0));
-      progress.Show(text);
+      const auto counter = [&](const char* name) { return static_cast<int>(CounterOr(merger, name, 0)); };
+      progress.Show(DescribeMerging(counter("connections"), counter("edges_accepted"), counter("components"),
+                                    estimate_s, std::chrono::duration<double>(Clock::now() - merging_since).count()));
       backend.Tick(50);
     }
     if (recorder) recorder->Finish();
@@ -213,7 +238,8 @@ int RunFlight(const RunInputs& inputs) {
     problem = ReadSummary(options.out).value("problem", "");
     if (!problem.empty() && exit_code != 1) exit_code = kExitSmallMap;
   } catch (const Interrupted&) {
-    progress.Say("interrupted: " + options.out + "/map.db holds what was mapped so far");
+    progress.Say("interrupted: " + options.out + "/map.db holds what was mapped so far; `mapmend merge " + options.out +
+                 "` makes a map of it");
     return kExitInterrupted;
   }
   if (!complaint.empty()) std::fprintf(stderr, "mapmend: %s; what could be read is mapped\n", complaint.c_str());

@@ -24,6 +24,7 @@
 #include "libs/bus/health.h"
 #include "libs/bus/store_client.h"
 #include "libs/bus/stream_consumer.h"
+#include "libs/bus/tree_changes.h"
 #include "libs/retrieval/vocabulary.h"
 #include "procs/merger/background_refinement.h"
 #include "procs/merger/latency_meter.h"
@@ -135,7 +136,12 @@ class BusOutput : public MergerOutput {
     health_->Tick();
   }
   void OnTransforms(const MergedTransforms& transforms) override {
-    bus_->Publish(channels::kMergedTransforms, ToMessage(transforms));
+    const merged_transforms_t message = ToMessage(transforms);
+    bus_->Publish(channels::kMergedTransforms, message);
+    for (const TreeChange& change : tree_.Update(message)) {
+      spdlog::info("merger: {} {}, revision {}", DescribePair(change), change.joined ? "joined" : "not joined any more",
+                   transforms.revision);
+    }
     if (!transforms.refined) latency_->OnBroadcast();
     health_->SetCounter("revision", static_cast<double>(transforms.revision));
     health_->Tick();
@@ -165,6 +171,7 @@ class BusOutput : public MergerOutput {
   StoreClient* client_;
   HealthReporter* health_;
   LatencyMeter* latency_;
+  TreeChanges tree_;
   std::string progress_;
 };
 

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <set>
+#include <string>
+#include <tuple>
+#include <vector>
+
+namespace mapmend {
+class merged_transforms_t;
+
+// A connection that came into the tree by which submaps are joined, or left it.
+struct TreeChange {
+  std::string session_a, session_b;
+  int submap_a = -1, submap_b = -1;
+  bool joined = false;
+};
+
+// Compares each message of MAPMEND_MERGED_TRANSFORMS with the one before.
+class TreeChanges {
+ public:
+  // What has changed; those that left come first.
+  std::vector<TreeChange> Update(const merged_transforms_t& message);
+
+ private:
+  using Edge = std::tuple<std::string, int, std::string, int>;
+  std::set<Edge> edges_;
+};
+
+// "submap 0 and submap 1", with the beginning of their sessions' names if they are not of one.
+std::string DescribePair(const TreeChange& change);
+
+}  // namespace mapmend
