@@ -9,6 +9,7 @@
 #include "libs/bus/access_token.h"
 #include "libs/bus/hub.h"
 #include "libs/bus/process.h"
+#include "libs/command_line/command_line.h"
 
 namespace mapmend {
 namespace {
@@ -37,14 +38,7 @@ int Main(int argc, char** argv) {
       ->capture_default_str();
   // Started as `mapmend hub`, it is listed as that.
   const int skipped = argc > 1 && std::strcmp(argv[1], "hub") == 0 ? 1 : 0;
-  try {
-    app.parse(argc - skipped, argv + skipped);
-  } catch (const CLI::Success& e) {
-    return app.exit(e);
-  } catch (const CLI::ParseError& e) {
-    std::cerr << "mapmend: hub: " << e.what() << " (see `mapmend hub --help`)\n";
-    return 2;
-  }
+  if (const auto code = ParseCommandLine(&app, argc - skipped, argv + skipped)) return *code;
   options.max_buffered_bytes = buffer_mb << 20;
   mallopt(M_ARENA_MAX, 1);
   mallopt(M_MMAP_THRESHOLD, 1 << 20);  // what is large goes back to the system at once, and the bound does not grow

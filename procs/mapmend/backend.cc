@@ -66,6 +66,7 @@ Backend::Backend(const BackendOptions& options)
   }
   std::vector<std::string> viewer = {FindProgram("viewer_export"), "--out", options_.out, "--port",
                                      std::to_string(options_.port)};
+  if (!options_.bind.empty()) viewer.insert(viewer.end(), {"--bind", options_.bind});
   if (!options_.groundtruth.empty()) {
     viewer.insert(viewer.end(), {"--groundtruth", options_.groundtruth});
     viewer.insert(viewer.end(), options_.groundtruth_arguments.begin(), options_.groundtruth_arguments.end());

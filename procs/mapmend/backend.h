@@ -28,7 +28,8 @@ struct BackendOptions {
   std::string channel_prefix;
   std::string log_level = "info";
   std::optional<int> seed;
-  int port = 0;  // of the live page, 0: none
+  int port = 0;      // of the live page, 0: none
+  std::string bind;  // its address; empty: this host only
   bool with_store = true, with_merger = true, with_viewer = true;
   std::string hub_bind;        // address that a hub of our own listens on; empty: as lcm_url says
   std::string hub_token_file;  // what processes of other hosts must show to that hub; empty: none

@@ -22,6 +22,9 @@ void AddReplayCommand(CLI::App* app);
 void AddStatusCommand(CLI::App* app);
 void AddCloseCommand(CLI::App* app);
 void AddSpyCommand(CLI::App* app);
+// The Java class path of lcm-spy. Throws std::runtime_error that says what is missing for it.
+std::string SpyClassPath();
+void AddDemoCommand(CLI::App* app);
 void AddDoctorCommand(CLI::App* app);
 void AddVocabCommand(CLI::App* app);
 void AddVocabRecallCommand(CLI::App* vocab);  // part of AddVocabCommand

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <functional>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -21,6 +22,7 @@ namespace {
 
 struct DoctorOptions {
   std::string lcm_url, vocabulary, out = ".";
+  bool json = false;
 };
 
 struct Finding {
@@ -98,15 +100,30 @@ Finding CheckTool(const std::string& program, const std::string& package, const 
   return Ok(path + " (for " + use + ")");
 }
 
-bool Examine(const std::string& name, const std::function<Finding()>& check) {
+Finding CheckSpy() {
+  try {
+    SpyClassPath();
+    return Ok("Java, lcm-spy, mapmend's message types and a display are there (for mapmend spy)");
+  } catch (const std::exception& e) {
+    return Note(e.what());
+  }
+}
+
+// Prints a line, or adds to the list if there is one.
+bool Examine(const std::string& name, nlohmann::ordered_json* list, const std::function<Finding()>& check) {
   Finding finding;
   try {
     finding = check();
   } catch (const std::exception& e) {
     finding = Problem(e.what());
   }
-  const char* levels[] = {"ok", "note", "PROBLEM"};
-  std::printf("%-8s %-11s %s\n", levels[static_cast<int>(finding.level)], name.c_str(), finding.text.c_str());
+  if (list != nullptr) {
+    const char* levels[] = {"ok", "note", "problem"};
+    list->push_back({{"what", name}, {"level", levels[static_cast<int>(finding.level)]}, {"text", finding.text}});
+  } else {
+    const char* levels[] = {"ok", "note", "PROBLEM"};
+    std::printf("%-8s %-11s %s\n", levels[static_cast<int>(finding.level)], name.c_str(), finding.text.c_str());
+  }
   return finding.level != Finding::Level::kProblem;
 }
 
@@ -118,19 +135,25 @@ void AddDoctorCommand(CLI::App* app) {
   sub->add_option("--lcm-url", options->lcm_url, "LCM network to check (default: $LCM_DEFAULT_URL)");
   sub->add_option("--vocabulary", options->vocabulary, "vocabulary to check (default: mapmend's own)");
   sub->add_option("--out", options->out, "folder on the disk to check")->capture_default_str();
+  sub->add_flag("--json", options->json, "a JSON list of {what, level, text} instead of lines");
   sub->footer("Exit code 1 if there is a PROBLEM; a note concerns only what it names.");
   sub->callback([options] {
-    bool healthy = Examine("programs", CheckPrograms);
-    healthy &= Examine("processor", CheckProcessor);
-    healthy &= Examine("vocabulary", [&] { return CheckVocabularyFile(options->vocabulary); });
-    healthy &= Examine("bus", [&] { return CheckBus(UrlFromOptionOrEnvironment(options->lcm_url)); });
-    healthy &= Examine("multicast", CheckMulticast);
-    healthy &= Examine("multicast", CheckReceiveBuffer);
-    healthy &= Examine(
-        "live page", [] { return Ok("port " + std::to_string(FreePort(8080, false, "--port").Port()) + " is free"); });
-    healthy &= Examine("disk", [&] { return CheckDisk(options->out); });
-    healthy &= Examine("recorder", [] { return CheckTool("lcm-logger", "liblcm-bin", "--record"); });
-    healthy &= Examine("spy", [] { return CheckTool("java", "default-jre", "mapmend spy"); });
+    nlohmann::ordered_json findings = nlohmann::ordered_json::array();
+    auto* const list = options->json ? &findings : nullptr;
+    bool healthy = Examine("programs", list, CheckPrograms);
+    healthy &= Examine("processor", list, CheckProcessor);
+    healthy &= Examine("vocabulary", list, [&] { return CheckVocabularyFile(options->vocabulary); });
+    healthy &= Examine("bus", list, [&] { return CheckBus(UrlFromOptionOrEnvironment(options->lcm_url)); });
+    healthy &= Examine("multicast", list, CheckMulticast);
+    healthy &= Examine("multicast", list, CheckReceiveBuffer);
+    healthy &= Examine("live page", list, [] {
+      return Ok("port " + std::to_string(FreePort(8080, false, "--port").Port()) + " is free");
+    });
+    healthy &= Examine("disk", list, [&] { return CheckDisk(options->out); });
+    healthy &= Examine("recorder", list, [] { return CheckTool("lcm-logger", "liblcm-bin", "--record"); });
+    healthy &= Examine("simulate", list, [] { return CheckTool("ffmpeg", "ffmpeg", "mapmend simulate"); });
+    healthy &= Examine("spy", list, CheckSpy);
+    if (options->json) std::printf("%s\n", findings.dump(2).c_str());
     if (!healthy) throw CLI::RuntimeError(1);
   });
 }

@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cstdio>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <stdexcept>
 
@@ -75,16 +76,59 @@ std::pair<std::string, int32_t> EdgeTable::FindSubmap(const std::string& text) c
                                          : "'" + session + "' is the beginning of several sessions: write more of it");
 }
 
-std::string EdgeTable::Text(const std::vector<edge_decision_t>& decisions) const {
+std::vector<const connection_t*> EdgeTable::Strongest() const {
   std::vector<const connection_t*> connections;
   for (const connection_t& c : graph_.connections) connections.push_back(&c);
   std::stable_sort(connections.begin(), connections.end(),
                    [](const connection_t* l, const connection_t* r) { return l->strength > r->strength; });
+  return connections;
+}
+
+std::vector<std::pair<int, int>> EdgeTable::SwitchedOff(const std::vector<edge_decision_t>& decisions) const {
+  std::map<std::pair<int, int>, bool> in_force;
+  for (const edge_decision_t& d : decisions) {
+    const int a = Number(d.session_a, d.submap_a), b = Number(d.session_b, d.submap_b);
+    in_force[{std::min(a, b), std::max(a, b)}] = d.disabled != 0;
+  }
+  std::vector<std::pair<int, int>> pairs;
+  for (const auto& [pair, disabled] : in_force) {
+    if (disabled) pairs.push_back(pair);
+  }
+  return pairs;
+}
+
+std::string EdgeTable::Json(const std::vector<edge_decision_t>& decisions) const {
+  nlohmann::ordered_json json = {
+      {"revision", graph_.transforms.revision},   {"refined", graph_.transforms.refined != 0},
+      {"final", graph_.transforms.is_final != 0}, {"submaps", nlohmann::ordered_json::array()},
+      {"edges", nlohmann::ordered_json::array()}, {"switched_off", SwitchedOff(decisions)}};
+  std::map<int, const merged_submap_t*> by_number;
+  for (const merged_submap_t& s : graph_.transforms.submaps) by_number[Number(s.session, s.submap)] = &s;
+  for (const auto& [number, s] : by_number) {
+    json["submaps"].push_back(
+        {{"number", number}, {"session", s->session}, {"submap", s->submap}, {"component", s->component}});
+  }
+  for (const connection_t* c : Strongest()) {
+    json["edges"].push_back({{"a", Number(c->session_a, c->submap_a)},
+                             {"b", Number(c->session_b, c->submap_b)},
+                             {"F", c->num_connected_frames},
+                             {"M", c->num_common_points},
+                             {"theta_deg", c->median_angle_deg},
+                             {"C", c->strength},
+                             {"scale", c->b_from_a[7]},
+                             {"verdict", VerdictName(c->verdict)},
+                             {"in_tree", c->in_tree != 0},
+                             {"reason", c->reason}});
+  }
+  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+std::string EdgeTable::Text(const std::vector<edge_decision_t>& decisions) const {
   std::string text = Format("%9s %5s %6s %7s %8s %7s  %-11s %-4s  %s\n", "submaps", "F", "M", "theta", "C", "scale",
                             "verdict", "tree", "reason");
-  for (const connection_t* c : connections) {
-    const std::string pair =
-        std::to_string(Number(c->session_a, c->submap_a)) + " - " + std::to_string(Number(c->session_b, c->submap_b));
+  for (const connection_t* c : Strongest()) {
+    const int a = Number(c->session_a, c->submap_a), b = Number(c->session_b, c->submap_b);
+    const std::string pair = a == b ? "loop in " + std::to_string(a) : std::to_string(a) + " - " + std::to_string(b);
     const bool known = c->num_connected_frames > 0;
     text +=
         Format("%9s %5d %6d %7.1f %8.1f %7s  %-11s %-4s  ", pair.c_str(), c->num_connected_frames, c->num_common_points,
@@ -98,14 +142,7 @@ std::string EdgeTable::Text(const std::vector<edge_decision_t>& decisions) const
                  static_cast<long long>(graph_.transforms.revision), graph_.transforms.refined != 0 ? ", refined" : "",
                  graph_.transforms.is_final != 0 ? ", final" : "", submaps_.size(), components.size(),
                  graph_.transforms.num_edges);
-  std::map<std::pair<int, int>, bool> in_force;
-  for (const edge_decision_t& d : decisions) {
-    const int a = Number(d.session_a, d.submap_a), b = Number(d.session_b, d.submap_b);
-    in_force[{std::min(a, b), std::max(a, b)}] = d.disabled != 0;
-  }
-  for (const auto& [pair, disabled] : in_force) {
-    if (disabled) text += Format("switched off by hand: %d - %d\n", pair.first, pair.second);
-  }
+  for (const auto& [a, b] : SwitchedOff(decisions)) text += Format("switched off by hand: %d - %d\n", a, b);
   std::map<std::string, int> first;
   for (size_t i = 0; i < submaps_.size(); ++i) first.try_emplace(submaps_[i].first, static_cast<int>(i));
   if (first.size() > 1) {

@@ -21,8 +21,14 @@ class EdgeTable {
 
   // A line per evaluated pair, most strength first, then the state of the graph and the decisions in force.
   std::string Text(const std::vector<edge_decision_t>& decisions) const;
+  // The same as a JSON object: revision, refined, final, submaps [{number, session, submap, component}], edges [{a, b,
+  // F, M, theta_deg, C, scale, verdict, in_tree, reason}] and switched_off [[a, b]], submaps by their numbers.
+  std::string Json(const std::vector<edge_decision_t>& decisions) const;
 
  private:
+  std::vector<const connection_t*> Strongest() const;  // first
+  // Pairs of numbers, lower first, that a person has switched off.
+  std::vector<std::pair<int, int>> SwitchedOff(const std::vector<edge_decision_t>& decisions) const;
   int Number(const std::string& session, int32_t submap) const;  // -1: unknown
 
   graph_t graph_;

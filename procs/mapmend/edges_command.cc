@@ -1,11 +1,8 @@
-#include <fcntl.h>
-#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
-#include <fstream>
 #include <map>
 #include <mapmend/cursor_t.hpp>
 #include <mapmend/edge_decisions_t.hpp>
@@ -27,6 +24,7 @@
 #include "procs/mapmend/map_file.h"
 #include "procs/mapmend/progress.h"
 #include "procs/mapmend/run_flight.h"
+#include "procs/mapmend/run_state.h"
 #include "procs/mapmend/stderr_redirection.h"
 
 namespace mapmend {
@@ -38,19 +36,13 @@ struct EdgesOptions {
   MapFileOptions file;
   std::string map, channel_prefix;
   std::vector<std::string> submaps;  // the two that the edge joins; none for list
-  bool disable = false;
+  bool disable = false, json = false;
 };
 
 // The bus of a run that is writing into this folder now, or of a URL; empty: nothing runs.
 std::string LiveUrl(const std::string& map) {
   if (map.find("://") != std::string::npos) return map;
-  const int fd = open(map.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (fd < 0) return "";
-  const bool is_free = flock(fd, LOCK_EX | LOCK_NB) == 0;  // the launcher holds it as long as it runs
-  close(fd);
-  std::string url;
-  if (!is_free) std::ifstream(map + "/logs/lcm-url") >> url;
-  return url;
+  return IsRunning(map) ? ReadBusAddress(map) : "";
 }
 
 std::vector<std::string> SessionOrder(StoreClient* store) {
@@ -106,6 +98,10 @@ graph_t AskMerger(Bus* bus, int timeout_ms, const std::function<bool(const graph
   throw std::runtime_error("the merger does not answer");
 }
 
+void Print(const EdgesOptions& options, const EdgeTable& table, const std::vector<edge_decision_t>& decisions) {
+  std::fputs((options.json ? table.Json(decisions) : table.Text(decisions)).c_str(), stdout);
+}
+
 void WorkLive(const EdgesOptions& options, const std::string& url) {
   const StderrRedirection quiet("/dev/null");
   Bus bus(url, options.channel_prefix);
@@ -113,7 +109,7 @@ void WorkLive(const EdgesOptions& options, const std::string& url) {
   constexpr int kAnswerMs = 5000, kHeedMs = 60000;  // a merger that compares all submaps answers when that is done
   if (options.submaps.empty()) {
     const EdgeTable table(AskMerger(&bus, kHeedMs, [](const graph_t&) { return true; }), SessionOrder(&store));
-    std::fputs(table.Text(Decide(&store, {}).decisions).c_str(), stdout);
+    Print(options, table, Decide(&store, {}).decisions);
     return;
   }
   const std::vector<std::string> sessions = SessionOrder(&store);
@@ -122,7 +118,7 @@ void WorkLive(const EdgesOptions& options, const std::string& url) {
   const EdgeTable after(
       AskMerger(&bus, kHeedMs, [&](const graph_t& graph) { return graph.num_decisions >= all.num_decisions; }),
       sessions);
-  std::fputs(after.Text(all.decisions).c_str(), stdout);
+  Print(options, after, all.decisions);
 }
 
 EdgeTable ReadTable(Backend* backend, const std::string& db) {
@@ -150,14 +146,14 @@ void WorkOnFile(EdgesOptions options) {
     before = decisions->decisions.size();
     if (!options.submaps.empty()) decisions = Decide(&store, {MakeDecision(options, table)});
     if (options.submaps.empty() || decisions->decisions.size() == before) {
-      if (!options.submaps.empty()) std::puts("it is so already");
-      std::fputs(table.Text(decisions->decisions).c_str(), stdout);
+      if (!options.submaps.empty() && !options.json) std::puts("it is so already");
+      Print(options, table, decisions->decisions);
       map.backend()->StopAll();
       return;
     }
     map.backend()->StopAll();
   }
-  Progress progress;
+  Progress progress(options.json);
   options.file.with_merger = true;
   options.file.out = options.file.place.folder;
   {
@@ -168,7 +164,7 @@ void WorkOnFile(EdgesOptions options) {
   options.file.with_merger = false;
   options.file.out.clear();
   MapFile map(options.file);
-  std::fputs(ReadTable(map.backend(), options.file.place.db).Text(decisions->decisions).c_str(), stdout);
+  Print(options, ReadTable(map.backend(), options.file.place.db), decisions->decisions);
   map.backend()->StopAll();
 }
 
@@ -207,6 +203,7 @@ void AddAction(CLI::App* edges, const std::string& name, const std::string& desc
   sub->add_option("--vocabulary", options->file.vocabulary,
                   "for a file: the one of the flights (default: mapmend's own)");
   sub->add_option("--channel-prefix", options->channel_prefix, "of a live system");
+  sub->add_flag("--json", options->json, "the graph as JSON instead of the table");
   sub->callback([options] { Work(*options); });
 }
 

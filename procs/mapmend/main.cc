@@ -13,10 +13,13 @@ int main(int argc, char** argv) {
                "mapmend");
   app.set_version_flag("--version", std::string("mapmend ") + MAPMEND_VERSION);
   app.require_subcommand(0, 1);
-  app.footer("`mapmend COMMAND --help` tells more.");
+  app.footer(
+      "`mapmend COMMAND --help` tells more; `mapmend demo` shows it at work on the bundled flight.\n"
+      "Exit codes: 0 done, 1 an error, 2 a mistake in the command line; `mapmend run --help` tells the others.");
   mapmend::AddRunCommand(&app);
   mapmend::AddStationCommand(&app);
   mapmend::AddFlyCommand(&app);
+  mapmend::AddDemoCommand(&app);
   mapmend::AddReplayCommand(&app);
   mapmend::AddPublishCommand(&app);
   mapmend::AddStatusCommand(&app);

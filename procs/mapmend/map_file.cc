@@ -10,6 +10,7 @@
 #include <mapmend/fetched_t.hpp>
 #include <mapmend/revision_part_t.hpp>
 #include <mapmend/revision_t.hpp>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <vector>
 
@@ -62,6 +63,13 @@ MapFile::MapFile(const MapFileOptions& options) : options_(options) {
     // Into the folder of the map itself, its exports are made anew; into another one, its map must not lie in the way.
     const bool is_own =
         fs::exists(options_.out) && fs::equivalent(fs::absolute(options_.place.db).parent_path(), options_.out);
+    if (is_own && fs::exists(options_.out + "/summary.json")) {
+      // What the run was told holds for exports that are made anew.
+      const nlohmann::ordered_json earlier = ReadSummary(options_.out);
+      title_ = earlier.value("title", "");
+      const std::string groundtruth = earlier.value("groundtruth", "");
+      if (options_.groundtruth.empty() && fs::is_regular_file(groundtruth)) backend.groundtruth = groundtruth;
+    }
     out_folder_ = std::make_unique<OutFolder>(options_.out, false, is_own);
     backend.out = options_.out;
   }
@@ -109,6 +117,7 @@ std::string MapFile::Finish(const std::function<void(const std::string&)>& show)
     }
   }
   LauncherFigures figures;
+  figures.title = title_;
   figures.readout_ms = FindCounter(backend_->Health("merger"), "readout_ms");
   figures.processes = backend_->StopAll();
   figures.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

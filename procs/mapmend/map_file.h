@@ -20,9 +20,9 @@ MapPlace FindMap(const std::string& path);
 
 struct MapFileOptions {
   MapPlace place;
-  std::string out;         // folder for the exports; empty: none are written
-  std::string vocabulary;  // empty: mapmend's own
-  std::string groundtruth;
+  std::string out;          // folder for the exports; empty: none are written
+  std::string vocabulary;   // empty: mapmend's own
+  std::string groundtruth;  // empty: the one of the exports that lie in OUT, if it is still there
   std::optional<int> seed;
   std::string log_level = "info";
   bool with_merger = false;
@@ -45,6 +45,7 @@ class MapFile {
 
  private:
   MapFileOptions options_;
+  std::string title_;  // that an earlier run gave the report
   std::string temporary_;
   std::unique_ptr<OutFolder> out_folder_;
   std::unique_ptr<Backend> backend_;

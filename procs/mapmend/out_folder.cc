@@ -22,14 +22,15 @@ namespace {
 namespace fs = std::filesystem;
 
 // Everything a run writes into its folder.
-constexpr const char* kResults[] = {"map.db",         "map.db-wal",   "map.db-shm", "map.ply",   "frames.tum",
-                                    "keyframes.tum",  "components",   "submaps",    "graph.dot", "graph.svg",
-                                    "report.html",    "summary.json", "logs",       "outbox",    "colmap",
-                                    "trajectory.svg", "events.jsonl"};
+constexpr const char* kResults[] = {"map.db",     "map.db-wal",     "map.db-shm",   "map.ply", "cameras.ply",
+                                    "frames.tum", "keyframes.tum",  "components",   "submaps", "graph.dot",
+                                    "graph.svg",  "report.html",    "summary.json", "logs",    "outbox",
+                                    "colmap",     "trajectory.svg", "events.jsonl"};
 
-bool IsFree(int port) {
+// 0 if a server may listen there, else errno.
+int WhyNotFree(int port) {
   const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  if (fd < 0) return false;
+  if (fd < 0) return errno;
   const int yes = 1;  // a port whose last connections are in TIME_WAIT is free, as it is for the servers themselves
   setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
   sockaddr_in address{};
@@ -37,8 +38,9 @@ bool IsFree(int port) {
   address.sin_port = htons(static_cast<uint16_t>(port));
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   const bool free = bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0 && listen(fd, 1) == 0;
+  const int error = free ? 0 : errno;
   close(fd);
-  return free;
+  return error;
 }
 
 // A name in the kernel's list of abstract sockets that only one process at a time can hold: between the moment a run
@@ -104,11 +106,16 @@ FreePort::FreePort(int first, bool only, const std::string& option) {
     throw std::runtime_error(option + " " + std::to_string(first) + ": ports are 1 to 65535");
   for (int port = first; port <= (only ? first : std::min(65535, first + 99)); ++port) {
     claim_ = Claim(port);
-    if (claim_ >= 0 && IsFree(port)) {
+    const int error = claim_ >= 0 ? WhyNotFree(port) : EADDRINUSE;
+    if (error == 0) {
       port_ = port;
       return;
     }
     if (claim_ >= 0) close(claim_);
+    if (only && error != EADDRINUSE) {
+      throw std::runtime_error(option + " " + std::to_string(first) + ": " + std::strerror(error) +
+                               (error == EACCES ? " (ports below 1024 belong to root)" : "") + "; choose another");
+    }
   }
   throw std::runtime_error(only ? option + " " + std::to_string(first) +
                                       ": the port is in use by another program; choose another"

@@ -10,16 +10,11 @@
 namespace mapmend {
 namespace {
 
-int TerminalColumns() {
-  winsize size{};
-  return ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 ? size.ws_col : 0;
-}
-
 constexpr double kTerminalInterval = 0.1, kPlainInterval = 5.0;  // seconds
 
 }  // namespace
 
-Progress::Progress() : terminal_(isatty(STDOUT_FILENO) != 0) {}
+Progress::Progress(bool quiet) : quiet_(quiet), terminal_(isatty(STDOUT_FILENO) != 0) {}
 
 Progress::~Progress() {
   if (shown_width_ > 0) std::printf("\n");
@@ -27,6 +22,7 @@ Progress::~Progress() {
 }
 
 void Progress::Show(const std::string& text) {
+  if (quiet_) return;
   const auto now = Clock::now();
   const double since = last_ == Clock::time_point() ? 1e9 : std::chrono::duration<double>(now - last_).count();
   if (text == last_text_ || since < (terminal_ ? kTerminalInterval : kPlainInterval)) return;
@@ -43,10 +39,16 @@ void Progress::Show(const std::string& text) {
 }
 
 void Progress::Say(const std::string& line) {
+  if (quiet_) return;
   if (shown_width_ > 0) std::printf("\r%-*s\r", static_cast<int>(shown_width_), "");
   shown_width_ = 0;
   std::printf("%s\n", line.c_str());
   std::fflush(stdout);
+}
+
+int TerminalColumns() {
+  winsize size{};
+  return ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 ? size.ws_col : 0;
 }
 
 std::string FitToWidth(const std::string& text, int columns) {

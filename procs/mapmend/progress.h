@@ -8,8 +8,8 @@ namespace mapmend {
 // One line that says how far a run is: rewritten in place on a terminal, else a new line every few seconds.
 class Progress {
  public:
-  Progress();
-  ~Progress();  // ends the line
+  explicit Progress(bool quiet = false);  // quiet: nothing is printed
+  ~Progress();                            // ends the line
 
   // Shows text, cut to the terminal's width; at most ten times a second on a terminal, else when `interval_s` have
   // passed since the last line.
@@ -19,11 +19,14 @@ class Progress {
 
  private:
   using Clock = std::chrono::steady_clock;
-  bool terminal_;
+  bool quiet_, terminal_;
   size_t shown_width_ = 0;  // characters of the line that stands there
   std::string last_text_;
   Clock::time_point last_;
 };
+
+// Of the terminal on standard output; 0 if it is none.
+int TerminalColumns();
 
 // The text, cut to fit a terminal of so many columns (0: unknown, nothing is cut), with "..." where it was cut.
 std::string FitToWidth(const std::string& text, int columns);

@@ -2,10 +2,10 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #include "libs/bus/process.h"
-#include "libs/geometry/write_file.h"
 #include "libs/retrieval/vocabulary.h"
 #include "procs/mapmend/backend.h"
 #include "procs/mapmend/bus_plan.h"
@@ -17,6 +17,7 @@
 #include "procs/mapmend/progress.h"
 #include "procs/mapmend/record_sender.h"
 #include "procs/mapmend/run_flight.h"
+#include "procs/mapmend/run_state.h"
 
 namespace mapmend {
 namespace {
@@ -24,9 +25,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 struct ReplayOptions {
-  std::string log, out, vocabulary, groundtruth, lcm_url, channel_prefix, log_level = "info";
+  std::string log, out = "mapmend-replay", vocabulary, groundtruth, lcm_url, channel_prefix, log_level = "info";
   std::optional<int> seed;
-  int port = 0;
+  std::optional<int> port;  // unset: a free one from 8080 on; 0: no page
   double speed = 0;
   bool overwrite = false;
 };
@@ -81,10 +82,13 @@ int Replay(ReplayOptions options) {
                              options.vocabulary + " is " + hash + ": give the right one with --vocabulary");
   }
   std::unique_ptr<FreePort> page;  // none with --port 0
-  if (options.port != 0) page = std::make_unique<FreePort>(options.port, true, "--port");
+  if (options.port.value_or(1) != 0)
+    page = std::make_unique<FreePort>(options.port.value_or(8080), options.port.has_value(), "--port");
+  const int port = page ? page->Port() : 0;
   const OutFolder out_folder(options.out, options.overwrite, false);
 
   Progress progress;
+  std::string problem;
   try {
     BackendOptions backend_options;
     backend_options.out = options.out;
@@ -95,25 +99,32 @@ int Replay(ReplayOptions options) {
     backend_options.channel_prefix = options.channel_prefix;
     backend_options.log_level = options.log_level;
     backend_options.seed = options.seed;
-    backend_options.port = options.port;
+    backend_options.port = port;
     Backend backend(backend_options);
-    progress.Say("mapping the recording " + options.log + " into " + options.out + "; bus " + backend.Url());
-    WriteFile(options.out + "/logs/lcm-url", backend.Url() + "\n");
+    progress.Say("mapping the recording " + options.log + " into " + options.out + "; bus " + backend.Url() +
+                 (port > 0 ? "; live page http://127.0.0.1:" + std::to_string(port) : ""));
+    const BusAddressFile bus_address(options.out, backend.Url());
     SendAll(&log, options.speed, &backend, &progress);
     while (!AllFinished(backend, log)) {
       progress.Show("merging");
       backend.Tick(50);
     }
     LauncherFigures figures;
+    if (log.LastRecords().size() == 1) figures.session = log.LastRecords().begin()->first;
     figures.readout_ms = FindCounter(backend.Health("merger"), "readout_ms");
     figures.processes = backend.StopAll();
     figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
     progress.Say(FinishRun(options.out, figures));
+    problem = ReadSummary(options.out).value("problem", "");
   } catch (const Interrupted&) {
     progress.Say("interrupted: " + options.out + "/map.db holds what was mapped so far");
     return kExitInterrupted;
   }
   for (const std::string& complaint : log.Complaints()) std::fprintf(stderr, "mapmend: %s\n", complaint.c_str());
+  if (!problem.empty()) {
+    std::fprintf(stderr, "mapmend: %s\n", problem.c_str());
+    return kExitSmallMap;
+  }
   return log.Complaints().empty() ? 0 : kExitInputCutShort;
 }
 
@@ -124,7 +135,7 @@ void AddReplayCommand(CLI::App* app) {
       app->add_subcommand("replay", "Map from a recording of `mapmend run --record`: the same map without the camera");
   const auto options = std::make_shared<ReplayOptions>();
   sub->add_option("LOG", options->log, "event log of lcm-logger")->required();
-  sub->add_option("--out", options->out, "folder of the results")->required();
+  sub->add_option("--out", options->out, "folder of the results")->capture_default_str();
   sub->add_flag("--overwrite", options->overwrite, "replace the results of an earlier run in --out");
   sub->add_option("--vocabulary", options->vocabulary,
                   "the one that the recording was made with (default: mapmend's own)");
@@ -134,11 +145,11 @@ void AddReplayCommand(CLI::App* app) {
   sub->add_option("--speed", options->speed, "times as fast as the camera took the images; 0: as fast as it goes")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  sub->add_option("--port", options->port, "of the live page, 0: none")->capture_default_str();
+  sub->add_option("--port", options->port, "of the live page, 0: none (default: a free one from 8080 on)");
   AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
   sub->footer(
       "Exit codes: 0 done; 1 an error, told in one line; 2 a mistake in the command line; 3 the recording is not "
-      "complete\n(what it holds is mapped); 130 interrupted.");
+      "complete\n(what it holds is mapped); 4 the main map holds less than half of the flight; 130 interrupted.");
   sub->callback([options] {
     options->lcm_url = UrlFromOptionOrEnvironment(options->lcm_url);
     const int code = Replay(*options);

@@ -23,9 +23,10 @@ void AddFlightOptions(CLI::App* sub, RunOptions* options) {
       ->check(CLI::Range(0.0, 1e9));
   sub->add_option("--end", options->end, "leave out what is later, seconds after the first frame")
       ->check(CLI::Range(0.0, 1e9));
-  sub->add_option("--features", options->features, "features per frame (default: the frontend's)");
+  sub->add_option("--features", options->features,
+                  "features per frame (default: 1000 up to one megapixel, 2000 above)");
   sub->add_option("--max-dimension", options->max_dimension,
-                  "larger images are scaled down to this width or height, pixels; 0: never");
+                  "larger images are scaled down to this width or height, pixels; 0: never (default: 0)");
   sub->add_option("--lost-frames", options->lost_frames,
                   "consecutive frames without orientation that end a submap (default: 3)")
       ->check(CLI::Range(1, 100000));
@@ -33,7 +34,7 @@ void AddFlightOptions(CLI::App* sub, RunOptions* options) {
          "--relocalisation-frames", options->relocalisation_frames,
          "further frames in which a lost submap may be found again, unless a new one begins before (default: 10)")
       ->check(CLI::Range(0, 100000));
-  sub->add_option("--seed", options->seed, "of everything random; the same seed gives the same map");
+  sub->add_option("--seed", options->seed, "of everything random; the same seed gives the same map (default: 1)");
   const auto lockstep = std::make_shared<bool>(false);
   auto* lockstep_flag = sub->add_flag(
       "--lockstep", [lockstep](int64_t) { *lockstep = true; },
@@ -87,7 +88,13 @@ void AddRunCommand(CLI::App* app) {
   sub->add_flag("--profile", options->profile,
                 "print the frontend's time per frame for each stage; also in summary.json and the report");
   sub->add_option("--port", options->port, "of the live page, 0: none (default: a free one from 8080 on)");
+  sub->add_option("--bind", options->bind,
+                  "address on which the live page listens; 0.0.0.0: everybody in the network sees it (default: "
+                  "127.0.0.1, this machine only)");
   sub->add_option("--vehicle", options->vehicle, "name of the camera's carrier, for the report");
+  sub->add_option("--title", options->title, "of the report (default: the name of the folder --out)");
+  auto* quiet_flag = sub->add_flag("--quiet", options->quiet, "print nothing but errors");
+  sub->add_flag("--json", options->json, "print nothing but the summary at the end, as JSON")->excludes(quiet_flag);
   AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
   sub->footer(
       "Exit codes: 0 done; 1 an error, told in one line; 2 a mistake in the command line; 3 INPUT ends early, or\n"

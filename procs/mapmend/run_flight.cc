@@ -14,18 +14,20 @@
 #include "libs/bus/event_log.h"
 #include "libs/bus/process.h"
 #include "libs/bus/stop_request.h"
-#include "libs/capture/fingerprint.h"
 #include "libs/bus/tree_changes.h"
+#include "libs/capture/fingerprint.h"
 #include "libs/geometry/write_file.h"
 #include "libs/mapping/session_id.h"
 #include "procs/mapmend/backend.h"
 #include "procs/mapmend/finish_run.h"
 #include "procs/mapmend/frontend_arguments.h"
+#include "procs/mapmend/lan_addresses.h"
 #include "procs/mapmend/out_folder.h"
 #include "procs/mapmend/paths.h"
 #include "procs/mapmend/progress.h"
 #include "procs/mapmend/progress_text.h"
 #include "procs/mapmend/recorder.h"
+#include "procs/mapmend/run_state.h"
 #include "procs/mapmend/session_rescue.h"
 
 namespace mapmend {
@@ -70,6 +72,22 @@ std::vector<std::string> GroundTruthArguments(const RunOptions& options) {
   if (options.time_offset) argv.insert(argv.end(), {"--time-offset", std::to_string(*options.time_offset)});
   if (options.time_tolerance) argv.insert(argv.end(), {"--time-tolerance", std::to_string(*options.time_tolerance)});
   return argv;
+}
+
+// "; live page http://..." under every address at which it is seen.
+std::string DescribePage(const std::string& bind, int port) {
+  if (port == 0) return "";
+  std::vector<std::string> hosts = {"127.0.0.1"};
+  if (bind == "0.0.0.0") {
+    const std::vector<std::string> addresses = LanAddresses();
+    hosts.insert(hosts.end(), addresses.begin(), addresses.end());
+  } else if (!bind.empty()) {
+    hosts = {bind};
+  }
+  std::string text;
+  for (const std::string& host : hosts)
+    text += (text.empty() ? "; live page http://" : ", http://") + host + ":" + std::to_string(port);
+  return text;
 }
 
 void AddEvent(const TreeChange& change, int64_t revision, EventLog* events) {
@@ -153,8 +171,8 @@ int RunFlight(const RunInputs& inputs) {
   const OutFolder out_folder(options.out, options.overwrite, options.append);
   const std::string recording = options.record.empty() ? "" : CheckRecordFolder(options.record, options.overwrite);
 
-  for (const std::string& note : inputs.notes) std::printf("%s\n", note.c_str());
-  Progress progress;
+  Progress progress(options.quiet || options.json);
+  for (const std::string& note : inputs.notes) progress.Say(note);
   std::string complaint, problem;
   int exit_code = 0;
   try {
@@ -169,13 +187,13 @@ int RunFlight(const RunInputs& inputs) {
     backend_options.log_level = options.log_level;
     backend_options.seed = options.seed;
     backend_options.port = port;
+    backend_options.bind = options.bind;
     std::filesystem::remove(ProfilePath(options));  // of an earlier flight into the same map
     Backend backend(backend_options);
     const std::string session = SessionOf(options);
     progress.Say("mapping " + (options.live ? DescribeCamera(options) : DescribeInputs(options.inputs)) + " into " +
-                 options.out + "; bus " + backend.Url() +
-                 (port > 0 ? "; live page http://127.0.0.1:" + std::to_string(port) : ""));
-    WriteFile(options.out + "/logs/lcm-url", backend.Url() + "\n");
+                 options.out + "; bus " + backend.Url() + DescribePage(options.bind, port));
+    const BusAddressFile bus_address(options.out, backend.Url());
     EventLog events(EventsPath(options), "mapmend");
     TreeChanges tree;
     backend.bus()->Subscribe<merged_transforms_t>(channels::kMergedTransforms, Delivery::kKeepAll,
@@ -226,6 +244,7 @@ int RunFlight(const RunInputs& inputs) {
 
     LauncherFigures figures;
     figures.session = session;
+    figures.title = options.title;
     AddFrontendFigures(frontend, options, &figures);
     // A frontend that was killed has not written it.
     if (options.profile && std::filesystem::exists(ProfilePath(options)))
@@ -234,6 +253,8 @@ int RunFlight(const RunInputs& inputs) {
     figures.processes = backend.StopAll();
     figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
     progress.Say(FinishRun(options.out, figures));
+    if (options.json) std::fputs(ReadFile(options.out + "/summary.json").c_str(), stdout);
+    std::fflush(stdout);
     if (!complaint.empty()) exit_code = cut_short ? kExitInputCutShort : 1;
     problem = ReadSummary(options.out).value("problem", "");
     if (!problem.empty() && exit_code != 1) exit_code = kExitSmallMap;

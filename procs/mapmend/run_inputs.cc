@@ -20,6 +20,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr const char* kHowToGetACamera = "data/cameras has examples, and its README says how to make one";
+
 [[noreturn]] void Fail(const std::string& what) { throw std::runtime_error(what); }
 
 void RequireReadableFile(const std::string& path, const std::string& what) {
@@ -69,7 +71,7 @@ void CheckLiveInput(RunInputs* inputs) {
   if (options->camera.empty() && !options->source.empty() && !is_url &&
       fs::exists(fs::path(options->source) / "camera.yaml", error))
     options->camera = (fs::path(options->source) / "camera.yaml").string();
-  if (options->camera.empty()) Fail("no camera file: give one with --camera");
+  if (options->camera.empty()) Fail(std::string("no camera file: give one with --camera; ") + kHowToGetACamera);
   if (options->out.empty()) options->out = "mapmend-live";
   RequireReadableFile(options->camera, "camera file");
   const Camera camera = ReadCamera(options->camera);
@@ -98,7 +100,8 @@ void CheckFileInput(RunInputs* inputs) {
   if (options.camera.empty()) {
     const fs::path path = beside / "camera.yaml";
     if (!fs::exists(path, error))
-      Fail("no camera file: give one with --camera (there is no camera.yaml beside the input either)");
+      Fail(std::string("no camera file: give one with --camera (there is no camera.yaml beside the input either); ") +
+           kHowToGetACamera);
     options.camera = path.string();
     inputs->notes.push_back("camera " + options.camera + " (found beside the input)");
   }

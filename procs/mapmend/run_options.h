@@ -21,6 +21,7 @@ struct RunOptions {
   std::string skip_frames;                            // e.g. 80-120,200-240
   std::string session;                                // UUID; empty: made from input and options, new with append
   std::string vehicle;
+  std::string title;    // of the report; empty: the name of the folder
   std::string lcm_url;  // empty: LCM_DEFAULT_URL, else a private hub on a free port
   std::string channel_prefix;
   std::string log_level = "info";
@@ -40,6 +41,9 @@ struct RunOptions {
   std::optional<int> max_waiting;    // with realtime or live: frames that may wait; unset: the frontend's
   bool profile = false;              // time of each stage of the frontend, in the summary
   bool append = false;               // map this flight into the map that is already in out
+  bool quiet = false;                // nothing on standard output
+  bool json = false;                 // nothing but the summary as JSON on standard output
+  std::string bind;                  // address of the live page; empty: this host only
 };
 
 struct RunInputs {

@@ -1,6 +1,7 @@
 #include "procs/mapmend/run_summary.h"
 
 #include <cstdio>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
@@ -49,6 +50,9 @@ Json ReadSummary(const std::string& out) {
 
 void CompleteSummary(const std::string& out, const LauncherFigures& figures) {
   Json summary = ReadSummary(out);
+  std::filesystem::path folder = std::filesystem::absolute(out).lexically_normal();
+  if (folder.filename().empty()) folder = folder.parent_path();  // "results/"
+  summary["title"] = figures.title.empty() ? folder.filename().string() : figures.title;
   summary["wall_s"] = figures.wall_s;
   Json frontend = Json::object();
   if (!figures.mode.empty()) {
@@ -83,17 +87,19 @@ std::string FormatSummaryTable(const std::string& out) {
   const int in_main = Count(summary, "frames_in_main");
   std::string table;
   const auto row = [&](const char* name, const std::string& text) { table += Format("  %-13s", name) + text + "\n"; };
-  row("frames", Format("%d read, %d tracked, %d in the main map (%.1f %%)", frames, tracked, in_main,
-                       frames > 0 ? 100.0 * in_main / frames : 0.0));
   const Json frontend = summary.value("frontend", Json::object());
   const int dropped = Count(frontend, "frames_dropped"), bad = Count(frontend, "bad_messages");
+  const int flight = frames + dropped;
+  row("frames", Format("%d read, %d tracked, %d in the main map (%.1f %% of the flight)", frames, tracked, in_main,
+                       flight > 0 ? 100.0 * in_main / flight : 0.0));
   if (dropped > 0) row("dropped", Format("%d frames that came while the frontend was busy", dropped));
   if (const int left_out = Count(frontend, "frames_left_out"); left_out > 0)
     row("left out", Format("%d frames that could not be used; see logs/frontend.log", left_out));
   if (bad > 0) row("refused", Format("%d images that were no good; see logs/frontend.log", bad));
+  if (const std::string holes = summary.value("holes_in_words", ""); !holes.empty() && in_main > 0) row("holes", holes);
   row("losses", std::to_string(Count(summary, "losses")));
-  row("submaps", Format("%zu in %zu component%s", Size(summary, "submaps"), Size(summary, "components"),
-                        Size(summary, "components") == 1 ? "" : "s"));
+  const size_t parts = Size(summary, "components");
+  row("submaps", Format("%zu in ", Size(summary, "submaps")) + (parts == 1 ? "one piece" : Format("%zu parts", parts)));
   const auto num_accepted = [&](const char* list) {
     int accepted = 0;
     for (const Json& connection : summary.value(list, Json::array())) {

@@ -14,6 +14,7 @@ namespace mapmend {
 
 struct LauncherFigures {
   std::string session;  // the flight that was mapped; empty: none, or several
+  std::string title;    // of the report; empty: the name of the folder
   double wall_s = 0;
   std::string mode;                              // of the frontend: lockstep, realtime or live; empty: there was none
   int64_t frames_dropped = 0, bad_messages = 0;  // came while it was busy; were no good
@@ -28,7 +29,7 @@ struct LauncherFigures {
 // OUT/summary.json as it stands. Throws std::runtime_error if the file is missing or no JSON object.
 nlohmann::ordered_json ReadSummary(const std::string& out);
 
-// Adds wall_s, frontend {mode, frames_dropped, frames_left_out, bad_messages, untracked {}, track_ms_median,
+// Adds title, wall_s, frontend {mode, frames_dropped, frames_left_out, bad_messages, untracked {}, track_ms_median,
 // track_ms_p95, profile []}, processes [], readout_ms, and problem (if the main map holds less than half of the flight,
 // as DescribeSmallMap tells it), to OUT/summary.json. Throws std::runtime_error if the file is missing or no JSON
 // object.

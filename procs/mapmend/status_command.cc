@@ -3,15 +3,15 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
-#include <fstream>
 #include <memory>
-#include <stdexcept>
+#include <nlohmann/json.hpp>
 
 #include "libs/bus/bus.h"
 #include "libs/bus/process.h"
 #include "procs/mapmend/commands.h"
 #include "procs/mapmend/health_monitor.h"
+#include "procs/mapmend/progress.h"
+#include "procs/mapmend/run_state.h"
 #include "procs/mapmend/stderr_redirection.h"
 
 namespace mapmend {
@@ -21,18 +21,8 @@ using Clock = std::chrono::steady_clock;
 
 struct StatusOptions {
   std::string run, lcm_url, channel_prefix;
-  bool once = false;
+  bool once = false, json = false;
 };
-
-// The bus of a run, from the file that the launcher leaves in its folder.
-std::string UrlOfRun(const std::string& folder) {
-  const std::string path = folder + "/logs/lcm-url";
-  std::ifstream file(path);
-  std::string url;
-  if (!(file >> url))
-    throw std::runtime_error("cannot read " + path + ": is " + folder + " the folder of a run (its --out)?");
-  return url;
-}
 
 std::string FormatCounters(const HealthMonitor::Entry& entry) {
   std::string text = entry.message;
@@ -44,33 +34,82 @@ std::string FormatCounters(const HealthMonitor::Entry& entry) {
   return text;
 }
 
-void PrintTable(const HealthMonitor& monitor, const std::string& url) {
-  std::printf("%-14s %7s %-9s %6s %8s %7s %6s  %s\n", "process", "pid", "state", "queue", "CPU s", "MB", "age s",
-              "figures");
+bool IsSilent(const HealthMonitor::Entry& entry, double age_s) { return entry.state != "done" && age_s > 5; }
+
+double Age(const HealthMonitor::Entry& entry) {
+  return std::chrono::duration<double>(Clock::now() - entry.received).count();
+}
+
+// The figures, which may be many, are cut to the width of a terminal.
+void PrintTable(const HealthMonitor& monitor, const std::string& url, bool with_head, int columns) {
+  char text[200];
+  std::snprintf(text, sizeof(text), "%-14s %7s %-9s %6s %8s %7s %6s  ", "process", "pid", "state", "queue", "CPU s",
+                "MB", "age s");
+  if (with_head) std::printf("%sfigures\n", text);
   if (monitor.Entries().empty()) std::printf("nothing is heard on %s\n", url.c_str());
   for (const auto& [key, entry] : monitor.Entries()) {
-    const double age = std::chrono::duration<double>(Clock::now() - entry.received).count();
-    const bool silent = age > 5;
-    std::printf("%-14s %7d %-9s %6d %8.1f %7.0f %6.1f  %s\n", entry.process.c_str(), entry.pid,
-                silent ? "silent" : entry.state.c_str(), entry.queue_depth, entry.cpu_s, entry.rss_mb, age,
-                FormatCounters(entry).c_str());
+    const double age = Age(entry);
+    std::snprintf(text, sizeof(text), "%-14s %7d %-9s %6d %8.1f %7.0f %6.1f  ", entry.process.c_str(), entry.pid,
+                  IsSilent(entry, age) ? "silent" : entry.state.c_str(), entry.queue_depth, entry.cpu_s, entry.rss_mb,
+                  age);
+    std::printf("%s\n", FitToWidth(text + FormatCounters(entry), columns).c_str());
   }
   std::fflush(stdout);
 }
 
+// One object on a line.
+void PrintJson(const HealthMonitor& monitor, const std::string& url) {
+  nlohmann::ordered_json json = {{"bus", url}, {"processes", nlohmann::ordered_json::array()}};
+  for (const auto& [key, entry] : monitor.Entries()) {
+    const double age = Age(entry);
+    json["processes"].push_back({{"process", entry.process},
+                                 {"pid", entry.pid},
+                                 {"state", IsSilent(entry, age) ? "silent" : entry.state},
+                                 {"message", entry.message},
+                                 {"queue", entry.queue_depth},
+                                 {"cpu_s", entry.cpu_s},
+                                 {"rss_mb", entry.rss_mb},
+                                 {"age_s", age},
+                                 {"counters", entry.counters}});
+  }
+  std::printf("%s\n", json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+  std::fflush(stdout);
+}
+
+// Says how the run has ended; true if it has.
+bool TellEnd(const StatusOptions& options) {
+  if (options.run.empty() || IsRunning(options.run)) return false;
+  const std::string end = DescribeEnd(options.run);
+  if (options.json) {
+    std::printf("%s\n", nlohmann::ordered_json({{"ended", true}, {"text", end}}).dump().c_str());
+  } else {
+    std::printf("%s\n", end.c_str());
+  }
+  return true;
+}
+
 void ShowStatus(const StatusOptions& options) {
   InstallSignalHandlers();
-  const std::string url = options.run.empty() ? ResolveLcmUrl(options.lcm_url) : UrlOfRun(options.run);
+  if (TellEnd(options)) return;
+  const std::string url = options.run.empty() ? ResolveLcmUrl(options.lcm_url) : ReadBusAddress(options.run);
   const StderrRedirection quiet("/dev/null");
   Bus bus(url, options.channel_prefix);
   HealthMonitor monitor(&bus);
   const bool terminal = isatty(STDOUT_FILENO) != 0;
+  bool first = true;
   // Health comes once a second: a little more is waited before the first table.
   for (double wait_s = 1.3; !StopRequested(); wait_s = 1.0) {
     const auto end = Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(wait_s));
     while (Clock::now() < end && !StopRequested()) bus.Handle(50);
-    if (terminal && !options.once) std::printf("\033[H\033[2J");
-    PrintTable(monitor, url);
+    if (TellEnd(options)) return;
+    if (options.json) {
+      PrintJson(monitor, url);
+    } else {
+      const bool clear = terminal && !options.once;
+      if (clear) std::printf("\033[H\033[2J");
+      PrintTable(monitor, url, clear || first, terminal ? TerminalColumns() : 0);
+    }
+    first = false;
     if (!options.once) continue;
     if (monitor.Entries().empty()) throw CLI::RuntimeError(1);
     return;
@@ -82,11 +121,12 @@ void ShowStatus(const StatusOptions& options) {
 void AddStatusCommand(CLI::App* app) {
   CLI::App* sub = app->add_subcommand("status", "Show the health of every process, once a second");
   const auto options = std::make_shared<StatusOptions>();
-  sub->add_option("RUN", options->run, "folder of a run that goes on (its --out), to find its bus")
+  sub->add_option("RUN", options->run, "folder of a run (its --out): its processes until it ends, then how it ended")
       ->excludes(sub->add_option("--lcm-url", options->lcm_url,
                                  "LCM network (default: $LCM_DEFAULT_URL, else tcpq://127.0.0.1:7700)"));
   sub->add_option("--channel-prefix", options->channel_prefix, "of the run");
   sub->add_flag("--once", options->once, "print one table and end; exit code 1 if nothing is heard");
+  sub->add_flag("--json", options->json, "a JSON object a line instead of the table");
   sub->callback([options] { ShowStatus(*options); });
 }
 

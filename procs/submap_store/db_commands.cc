@@ -2,26 +2,46 @@
 
 #include <SQLiteCpp/SQLiteCpp.h>
 
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <stdexcept>
 
 namespace mapmend {
 
+std::string DatabaseIn(const std::string& path) {
+  namespace fs = std::filesystem;
+  std::error_code ignored;
+  if (!fs::is_directory(path, ignored)) return path;
+  const std::string db = (fs::path(path) / "map.db").string();
+  if (!fs::exists(db, ignored)) throw std::runtime_error(path + ": the folder holds no map.db");
+  return db;
+}
+
 void AddDbCommands(CLI::App* app) {
   const auto path = std::make_shared<std::string>();
   const auto add = [&](const char* name, const char* description, std::function<void()> run) {
     CLI::App* command = app->add_subcommand(name, description);
-    command->add_option("FILE", *path, "database file")->required();
+    command->add_option("FILE", *path, "database file, or the folder of results that holds its map.db")->required();
     command->callback([path, run = std::move(run)] {
+      *path = DatabaseIn(*path);
       try {
         run();
       } catch (const SQLite::Exception& e) {
         throw std::runtime_error(*path + ": " + e.what());
       }
     });
+    return command;
   };
-  add("info", "Say what is in a database", [path] { PrintDbInfo(*path); });
+  const auto json = std::make_shared<bool>(false);
+  CLI::App* info = add("info", "Say what is in a database", [path, json] {
+    if (*json) {
+      std::cout << DbInfoJson(*path);
+    } else {
+      PrintDbInfo(*path);
+    }
+  });
+  info->add_flag("--json", *json, "as JSON");
   add("check", "Read everything in a database and say what is wrong with it", [path] {
     const std::vector<std::string> problems = CheckDb(*path);
     for (const std::string& problem : problems) std::cout << problem << "\n";
@@ -38,9 +58,12 @@ void AddDbCommands(CLI::App* app) {
   CLI::App* merge = app->add_subcommand("merge", "Put the sessions of several databases into a new one");
   const auto inputs = std::make_shared<std::vector<std::string>>();
   const auto out = std::make_shared<std::string>();
-  merge->add_option("FILES", *inputs, "database files")->required()->expected(2, 1000);
+  merge->add_option("FILES", *inputs, "database files, or folders of results")->required()->expected(2, 1000);
   merge->add_option("--out", *out, "the new database file")->required();
-  merge->callback([inputs, out] { MergeDbs(*inputs, *out); });
+  merge->callback([inputs, out] {
+    for (std::string& input : *inputs) input = DatabaseIn(input);
+    MergeDbs(*inputs, *out);
+  });
 }
 
 }  // namespace mapmend

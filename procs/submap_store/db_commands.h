@@ -12,8 +12,15 @@ namespace mapmend {
 // Adds info, check, compact, forget, merge and hash as subcommands.
 void AddDbCommands(CLI::App* app);
 
+// The database that is meant by a path: the file itself, or map.db in the folder. Throws if the folder holds none.
+std::string DatabaseIn(const std::string& path);
+
 // Sessions, submaps, sizes.
 void PrintDbInfo(const std::string& path);
+// The same but for the sizes of tables, as a JSON object: schema, vocabulary, sessions [{session, vehicle, source,
+// records, ended, submaps [{submap, keyframes, points, frames, end_reason, end_detail}], gaps [{first, last,
+// reason}]}], merged {revision, submaps, components, connections_accepted} or null.
+std::string DbInfoJson(const std::string& path);
 
 // Reads everything and says what is wrong, one line each. Empty: the file is sound. Every bit that can change what the
 // file says is looked at: by a checksum, or by making anew what is derived.

@@ -43,7 +43,7 @@ void RemoveStale(const fs::path& dir, const std::vector<int>& keep) {
       stale.push_back(entry.path());
   }
   for (const fs::path& path : stale) {
-    for (const char* file : {"frames.tum", "keyframes.tum", "map.ply", "trajectory.svg"})
+    for (const char* file : {"frames.tum", "keyframes.tum", "map.ply", "cameras.ply", "trajectory.svg"})
       fs::remove(path / file, error);
     fs::remove(path, error);  // only if empty now
   }
@@ -75,6 +75,7 @@ void ExportComponent(const Snapshot& snapshot, int component, const EvaluatedMap
   WriteTrajectory((dir / "frames.tum").string(), ToTrajectory(c.frames), Describe(snapshot, component));
   WriteTrajectory((dir / "keyframes.tum").string(), ToTrajectory(c.keyframes), Describe(snapshot, component));
   WriteFile((dir / "map.ply").string(), MakePly(snapshot, component));
+  WriteFile((dir / "cameras.ply").string(), MakeCamerasPly(snapshot, component));
   WriteFile((dir / "trajectory.svg").string(), TrajectorySvg(snapshot, component, evaluated));
 }
 
@@ -91,7 +92,7 @@ void ExportNothing(const fs::path& dir) {
   for (const char* file : {"frames.tum", "keyframes.tum"})
     WriteTrajectory((dir / file).string(), {}, "no frame was tracked");
   std::error_code error;
-  for (const char* file : {"map.ply", "trajectory.svg"}) fs::remove(dir / file, error);
+  for (const char* file : {"map.ply", "cameras.ply", "trajectory.svg"}) fs::remove(dir / file, error);
 }
 
 void ExportSubmaps(const Snapshot& snapshot, const fs::path& dir) {

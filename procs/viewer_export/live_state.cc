@@ -50,7 +50,7 @@ void AddHeadline(const Snapshot& snapshot, const LiveInputs& inputs, Json* json)
     detail = "The flight has ended; the merger compares all submaps and refines the map.";
   } else if (snapshot.components.size() <= 1) {
     state = "whole";
-    headline = snapshot.submaps.empty() ? "There is no map" : "The map is whole";
+    headline = snapshot.submaps.empty() ? "There is no map" : "The map is in one piece";
     if (snapshot.submaps.empty()) detail = "Tracking never started.";
   } else {
     state = "parts";

@@ -10,16 +10,34 @@ namespace {
 
 constexpr int kPathPointsPerFrame = 8;
 
-void AppendVertex(const Eigen::Vector3d& position, const std::array<uint8_t, 3>& color, std::string* bytes) {
-  static_assert(std::endian::native == std::endian::little);
-  for (int i = 0; i < 3; ++i) {
-    const float value = static_cast<float>(position[i]);
-    char raw[sizeof(float)];
-    std::memcpy(raw, &value, sizeof(raw));
-    bytes->append(raw, sizeof(raw));
+class PlyFile {
+ public:
+  explicit PlyFile(const std::string& comment) : comment_(comment) {}
+
+  void Add(const Eigen::Vector3d& position, const std::array<uint8_t, 3>& color) {
+    static_assert(std::endian::native == std::endian::little);
+    for (int i = 0; i < 3; ++i) {
+      const float value = static_cast<float>(position[i]);
+      char raw[sizeof(float)];
+      std::memcpy(raw, &value, sizeof(raw));
+      vertices_.append(raw, sizeof(raw));
+    }
+    for (const uint8_t c : color) vertices_.push_back(static_cast<char>(c));
+    ++count_;
   }
-  for (const uint8_t c : color) bytes->push_back(static_cast<char>(c));
-}
+
+  std::string Text() const {
+    return "ply\nformat binary_little_endian 1.0\ncomment mapmend: " + comment_ + "\nelement vertex " +
+           std::to_string(count_) +
+           "\nproperty float x\nproperty float y\nproperty float z\n"
+           "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n" +
+           vertices_;
+  }
+
+ private:
+  std::string comment_, vertices_;
+  size_t count_ = 0;
+};
 
 std::array<uint8_t, 3> ParseColor(const std::string& color) {
   const unsigned long rgb = std::stoul(color.substr(1), nullptr, 16);
@@ -29,12 +47,13 @@ std::array<uint8_t, 3> ParseColor(const std::string& color) {
 }  // namespace
 
 std::string MakePly(const Snapshot& snapshot, int component) {
-  std::string vertices;
-  size_t count = 0;
-  for (const ColoredPoint& point : ComponentPoints(snapshot, component)) {
-    AppendVertex(point.position, point.color, &vertices);
-    ++count;
-  }
+  PlyFile file("map points");
+  for (const ColoredPoint& point : ComponentPoints(snapshot, component)) file.Add(point.position, point.color);
+  return file.Text();
+}
+
+std::string MakeCamerasPly(const Snapshot& snapshot, int component) {
+  PlyFile file("camera path, in the colours of the submaps");
   for (const int index : snapshot.components[component].submaps) {
     const SnapshotSubmap& submap = snapshot.submaps[index];
     const std::array<uint8_t, 3> color = ParseColor(CategoryColor(submap.number));
@@ -44,16 +63,11 @@ std::string MakePly(const Snapshot& snapshot, int component) {
       const bool joined = i + 1 < submap.frames.size() && submap.frames[i + 1].frame == submap.frames[i].frame + 1;
       const Eigen::Vector3d next = joined ? submap.frames[i + 1].cam_from_root.Center() : center;
       for (int k = 0; k < (joined ? kPathPointsPerFrame : 1); ++k) {
-        AppendVertex(center + (next - center) * k / kPathPointsPerFrame, color, &vertices);
-        ++count;
+        file.Add(center + (next - center) * k / kPathPointsPerFrame, color);
       }
     }
   }
-  return "ply\nformat binary_little_endian 1.0\ncomment mapmend: map points, then the camera path\nelement vertex " +
-         std::to_string(count) +
-         "\nproperty float x\nproperty float y\nproperty float z\n"
-         "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n" +
-         vertices;
+  return file.Text();
 }
 
 }  // namespace mapmend

@@ -6,9 +6,13 @@
 
 namespace mapmend {
 
-// A component as a binary little-endian PLY point cloud, which CloudCompare and MeshLab open: the map points with their
-// colours, then the camera path as points along it in its submap's colour. Coloured vertices only, no other elements,
-// because that is what every reader agrees on. Unit and frame: those of the component's root.
+// A component as binary little-endian PLY point clouds, which CloudCompare and MeshLab open: coloured vertices only, no
+// other elements, because that is what every reader agrees on. Points and path are two files, so that they can be told
+// apart. Unit and frame: those of the component's root.
+
+// The map points with their colours.
 std::string MakePly(const Snapshot& snapshot, int component);
+// The camera path as points along it, in its submap's colour.
+std::string MakeCamerasPly(const Snapshot& snapshot, int component);
 
 }  // namespace mapmend

@@ -69,11 +69,12 @@ std::string Banner(const Json& s) {
     head = "There is no map";
     text = "Tracking never started.";
   } else if (parts == 1) {
-    head = "The map is whole";
+    head = "The map is in one piece";
     text = losses == 0 ? "Tracking was never lost."
                        : "Tracking was lost " + std::string(losses == 1 ? "once" : std::to_string(losses) + " times") +
                              (s["submaps"].size() == 2 ? "; both" : "; all " + std::to_string(s["submaps"].size())) +
                              " submaps are joined in one map.";
+    if (const std::string holes = s.value("holes_in_words", ""); !holes.empty()) text += " It has " + holes + ".";
   } else {
     level = "warn";
     head = "The map is in " + std::to_string(parts) + " parts";
@@ -315,7 +316,8 @@ std::string Head(const Json& s) {
     if (!date.empty()) line += ", " + date;
     lines += "<p>" + line + "</p>\n";
   }
-  return "<header><h1>Flight report</h1>\n" + lines + "</header>\n";
+  const std::string title = s.value("title", "");
+  return "<header><h1>" + (title.empty() ? "Flight report" : EscapeXml(title)) + "</h1>\n" + lines + "</header>\n";
 }
 
 }  // namespace
@@ -326,9 +328,8 @@ std::string MakeReport(const std::string& summary_json, const std::string& graph
     const Json s = Json::parse(summary_json);
     std::string html =
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
-        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>mapmend: flight "
-        "report</title>\n"
-        "<style>";
+        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>" +
+        EscapeXml(s.value("title", "flight report")) + " (mapmend)</title>\n<style>";
     html += kReportStyle;
     html += "</style></head>\n<body><main>\n" + Head(s) + Banner(s) + Figures(s) + GroundTruthProblem(s);
     for (const std::string& svg : trajectory_svgs) html += "<div class=\"picture\">" + svg + "</div>\n";

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "procs/viewer_export/graph_export.h"
+#include "procs/viewer_export/holes.h"
 
 namespace mapmend {
 namespace {
@@ -53,6 +54,17 @@ Json Sessions(const Snapshot& snapshot) {
                         {"ended", session.ended}});
   }
   return sessions;
+}
+
+Json Holes(const std::vector<MapHole>& holes) {
+  Json list = Json::array();
+  for (const MapHole& hole : holes) {
+    list.push_back({{"session", hole.session},
+                    {"first_frame", hole.first_frame},
+                    {"last_frame", hole.last_frame},
+                    {"seconds", 1e-6 * static_cast<double>(hole.duration_us)}});
+  }
+  return list;
 }
 
 Json Submaps(const Snapshot& snapshot, const MapEvaluation* evaluation) {
@@ -155,6 +167,9 @@ std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evalu
   json["frames_in_main"] = any ? snapshot.components[0].frames.size() : 0;
   json["losses"] =
       std::count_if(snapshot.submaps.begin(), snapshot.submaps.end(), [](const SnapshotSubmap& s) { return s.Lost(); });
+  const std::vector<MapHole> holes = FindHoles(snapshot);
+  json["holes_in_words"] = DescribeHoles(holes);
+  json["holes"] = Holes(holes);
   json["keyframes_total"] = num_keyframes;
   json["keyframes_in_main"] = any ? snapshot.components[0].keyframes.size() : 0;
   json["points_in_main"] = any ? num_points[0] : 0;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 
 namespace mapmend {
@@ -59,6 +60,23 @@ TEST(EdgeTable, ListsTheStrongestFirstAndWhatIsSwitchedOff) {
   EXPECT_NE(text.find("switched off by hand: 0 - 2\n"), std::string::npos) << text;
   EXPECT_EQ(text.find("switched off by hand: 1 - 2"), std::string::npos) << text;
   EXPECT_NE(text.find("submaps from 2 on: session ab2"), std::string::npos) << text;
+}
+
+TEST(EdgeTable, SaysTheSameAsJson) {
+  edge_decision_t off{};
+  off.session_a = "ab2";
+  off.session_b = "ab1";
+  off.disabled = 1;
+  const auto json = nlohmann::json::parse(EdgeTable(TwoFlights(), {"ab1", "ab2"}).Json({off}));
+  ASSERT_EQ(json.at("submaps").size(), 3u);
+  EXPECT_EQ(json["submaps"][2]["session"], "ab2");
+  EXPECT_EQ(json["submaps"][2]["number"], 2);
+  ASSERT_EQ(json.at("edges").size(), 2u);
+  EXPECT_EQ(json["edges"][0]["b"], 2);
+  EXPECT_EQ(json["edges"][0]["verdict"], "accepted");
+  EXPECT_EQ(json["edges"][0]["in_tree"], true);
+  EXPECT_EQ(json["edges"][1]["reason"], "only 7 map points look alike");
+  EXPECT_EQ(json.at("switched_off"), nlohmann::json::parse("[[0, 2]]"));
 }
 
 }  // namespace
