@@ -31,7 +31,8 @@ constexpr int kMaxNotGreeted = 64, kMaxNotGreetedPerAddress = 16;
 constexpr size_t kMaxExpressions = 256;  // over all clients
 constexpr size_t kMaxRoutes = 1024;
 constexpr int kMaxWrongTokens = 3;
-constexpr milliseconds kHousekeepingInterval(500), kDeadAfter(4000), kPartTimeout(30000), kImpatience(60000);
+constexpr milliseconds kHousekeepingInterval(500), kDeadAfter(4000), kPartTimeout(30000), kImpatience(60000),
+    kDeafAfter(120000);
 constexpr int64_t kTrimAbove = 16 << 20;
 constexpr char kPingChannel[] = "MAPMEND_PING";
 
@@ -332,6 +333,9 @@ void Hub::Impl::KeepHouse() {
                now - client->last_read >= kPartTimeout) {
       client->SetFault("it has begun a message and not gone on for " + std::to_string(kPartTimeout.count() / 1000) +
                        " s");
+      leaving.push_back(client.get());
+    } else if (client->has_output() && now - client->last_write >= kDeafAfter) {
+      client->SetFault("it has not read for " + std::to_string(kDeafAfter.count() / 1000) + " s");
       leaving.push_back(client.get());
     } else if (client->IsSilent(kDeadAfter)) {
       ++statistics.num_dead_clients;

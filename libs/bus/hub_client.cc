@@ -228,9 +228,11 @@ bool HubClient::IsSilent(std::chrono::milliseconds timeout) const {
   tcp_info info{};
   socklen_t size = sizeof(info);
   if (getsockopt(fd_, IPPROTO_TCP, TCP_INFO, &info, &size) != 0) return false;
-  // One that does not read closes its window: then nothing is unacknowledged, and it answers the kernel's probes.
-  const bool should_answer = info.tcpi_unacked > 0 || info.tcpi_probes >= 3;
-  return should_answer && info.tcpi_last_ack_recv > static_cast<uint32_t>(timeout.count());
+  // One that does not read closes its window: then the kernel asks at ever longer intervals whether it is open again,
+  // and silence says nothing.
+  const bool has_closed_window = info.tcpi_snd_wnd < info.tcpi_snd_mss;
+  return info.tcpi_unacked > 0 && !has_closed_window &&
+         info.tcpi_last_ack_recv > static_cast<uint32_t>(timeout.count());
 }
 
 std::string AddressText(uint32_t address) {

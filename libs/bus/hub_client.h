@@ -70,8 +70,8 @@ class HubClient {
   void Enqueue(std::shared_ptr<const HubFrame> frame);
   // If more than limit bytes of best-effort messages wait, drops the oldest. Returns how many were dropped.
   int DropOldestBestEffort(int64_t limit);
-  // Whether the other end, though it has something to acknowledge or was asked for a sign of life, has been silent for
-  // longer than timeout. (The kernel's own time-out would also end those who are only slow to read.)
+  // Whether the other end has something to acknowledge and has been silent for longer than timeout, though it would
+  // take more. (The kernel's own time-out would also end those who are only slow to read.)
   bool IsSilent(std::chrono::milliseconds timeout) const;
 
   int fd() const { return fd_; }

@@ -294,6 +294,29 @@ TEST(HubAttacks, NobodyWaitsTwiceForTheSameSubscriber) {
   EXPECT_GT(hub.GetStatistics().num_dropped_reliable, 100);
 }
 
+// The kernel's own time-out for dead peers would end it.
+TEST(HubAttacks, WhoOnlyIsSlowToReadIsNotTakenForDead) {
+  Hub hub(OnAnyPort());
+  RawClient publisher(&hub), slow(&hub, 4096);
+  publisher.Greet();
+  slow.Greet();
+  slow.Subscribe("A");
+  const std::string body(100000, 'x');
+  for (int i = 0; i < 100; ++i) publisher.SendRaw(Message("A", body));
+  const auto start = Clock::now();
+  while (Clock::now() - start < std::chrono::seconds(8)) hub.Spin(200);
+  EXPECT_EQ(hub.GetStatistics().num_dead_clients, 0);
+  size_t received = 0;
+  std::vector<char> buffer(1 << 20);
+  const auto give_up = Clock::now() + std::chrono::seconds(60);
+  while (received < 100 * body.size() && Clock::now() < give_up) {
+    const ssize_t n = recv(slow.fd(), buffer.data(), buffer.size(), MSG_DONTWAIT);
+    if (n > 0) received += static_cast<size_t>(n);
+    hub.Spin(n > 0 ? 0 : 1);
+  }
+  EXPECT_GT(received, 100 * body.size());
+}
+
 // One that floods gets its turn and no more.
 TEST(HubAttacks, AFloodOfSmallMessagesLeavesTurnsForOthers) {
   Hub hub(OnAnyPort());
