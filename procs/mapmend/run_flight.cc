@@ -196,11 +196,10 @@ int RunFlight(const RunInputs& inputs) {
     const BusAddressFile bus_address(options.out, backend.Url());
     EventLog events(EventsPath(options), "mapmend");
     TreeChanges tree;
-    backend.bus()->Subscribe<merged_transforms_t>(channels::kMergedTransforms, Delivery::kKeepAll,
-                                                  [&](const merged_transforms_t& message) {
-                                                    for (const TreeChange& change : tree.Update(message))
-                                                      AddEvent(change, message.revision, &events);
-                                                  });
+    const Subscription joins = backend.bus()->Subscribe<merged_transforms_t>(
+        channels::kMergedTransforms, Delivery::kKeepAll, [&](const merged_transforms_t& message) {
+          for (const TreeChange& change : tree.Update(message)) AddEvent(change, message.revision, &events);
+        });
     std::unique_ptr<Recorder> recorder;
     if (!recording.empty()) recorder = std::make_unique<Recorder>(&backend, recording, options.channel_prefix);
 

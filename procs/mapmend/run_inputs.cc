@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <opencv2/core.hpp>
 #include <stdexcept>
 
 #include "libs/capture/device_images.h"

@@ -1,6 +1,3 @@
-#include <ifaddrs.h>
-#include <netdb.h>
-
 #include <chrono>
 #include <filesystem>
 #include <map>
@@ -18,6 +15,7 @@
 #include "procs/mapmend/backend.h"
 #include "procs/mapmend/commands.h"
 #include "procs/mapmend/finish_run.h"
+#include "procs/mapmend/lan_addresses.h"
 #include "procs/mapmend/out_folder.h"
 #include "procs/mapmend/paths.h"
 #include "procs/mapmend/progress.h"
@@ -87,22 +85,17 @@ class FlightBook {
   Subscription sessions_, submaps_;
 };
 
-// The addresses under which other hosts reach us, for the line that tells what to type on board.
-std::string ReachableAt(const std::string& bind, int port) {
-  const std::string suffix = ":" + std::to_string(port);
-  if (bind != "0.0.0.0") return bind + suffix;
-  ifaddrs* first = nullptr;
-  if (getifaddrs(&first) != 0) return bind + suffix;
-  const std::unique_ptr<ifaddrs, void (*)(ifaddrs*)> addresses(first, freeifaddrs);
+// What to type on board.
+std::string DescribeFly(const StationOptions& options) {
+  std::vector<std::string> hosts = {options.bind};
+  if (options.bind == "0.0.0.0" && !LanAddresses().empty()) hosts = LanAddresses();
   std::string text;
-  for (const ifaddrs* a = first; a != nullptr; a = a->ifa_next) {
-    char host[NI_MAXHOST];
-    if (a->ifa_addr == nullptr || a->ifa_addr->sa_family != AF_INET) continue;
-    if (getnameinfo(a->ifa_addr, sizeof(sockaddr_in), host, sizeof(host), nullptr, 0, NI_NUMERICHOST) != 0) continue;
-    if (std::string(host).starts_with("127.")) continue;
-    text += (text.empty() ? "" : ", ") + std::string(host) + suffix;
+  for (const std::string& host : hosts) {
+    text += (text.empty() ? "mapmend fly … --station " : " or ") + host +
+            (options.port == 7700 ? "" : ":" + std::to_string(options.port));
   }
-  return text.empty() ? bind + suffix : text;
+  if (!options.token_file.empty()) text += " --token-file TOKEN, a copy of " + options.token_file;
+  return text;
 }
 
 std::string DescribeMap(const Backend& backend, int num_open) {
@@ -134,9 +127,8 @@ class Station {
       Backend backend(MakeOptions(page.Port()));
       FlightBook flights(backend.bus(), &progress_);
       WriteFile(options_.out + "/logs/lcm-url", backend.Url() + "\n");
-      progress_.Say("station: maps into " + options_.out +
-                    "; live page http://127.0.0.1:" + std::to_string(page.Port()) +
-                    "; vehicles: mapmend fly … --station " + ReachableAt(options_.bind, options_.port));
+      progress_.Say("station: maps into " + options_.out + "; live page http://127.0.0.1:" +
+                    std::to_string(page.Port()) + "; on board: " + DescribeFly(options_));
       notice_.Ready();
       while (Tick(&backend)) {
         const std::string state = DescribeMap(backend, flights.NumOpen());

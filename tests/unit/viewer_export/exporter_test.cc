@@ -29,7 +29,8 @@ class ExporterTest : public ::testing::Test {
   std::string Read(const std::string& name) const { return ReadFile((dir_ / name).string()); }
   nlohmann::json Summary() const { return nlohmann::json::parse(Read("summary.json")); }
   static GroundTruth Truth(const TestFlight& flight, int num_frames) {
-    GroundTruth truth{"gt.tum", {}};
+    GroundTruth truth;
+    truth.file = "gt.tum";
     for (int i = 0; i < num_frames; ++i) truth.trajectory.push_back({TestFlight::Utime(i), flight.WorldFromCamera(i)});
     return truth;
   }
