@@ -32,6 +32,8 @@ class MapModel {
   const MapRevision& Revision() const { return revision_; }
   // When a keyframe's image was taken, also of culled ones.
   int64_t KeyframeUtime(const std::string& session, KeyframeId keyframe) const;
+  // Of the newest record of a session: once it has ended, when its last frame was taken.
+  int64_t LastUtime(const std::string& session) const { return last_utimes_.at(session); }
   bool AllEnded() const;
   // Whether the merged map is the final one, and every record it was made from is known here.
   bool IsComplete() const;
@@ -42,6 +44,7 @@ class MapModel {
   std::map<std::string, Session> sessions_;
   std::vector<std::string> session_order_;
   std::map<std::string, std::map<KeyframeId, int64_t>> keyframe_utimes_;
+  std::map<std::string, int64_t> last_utimes_;  // by session
   MapRevision revision_;
   int64_t version_ = 0;
 };

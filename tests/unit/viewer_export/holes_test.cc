@@ -15,6 +15,7 @@ TEST(FindHoles, AMapInOnePieceHasAHoleWhereItBridgesALoss) {
   ASSERT_EQ(holes.size(), 1u);
   EXPECT_EQ(holes[0].first_frame, 20);
   EXPECT_EQ(holes[0].last_frame, 24);
+  EXPECT_EQ(holes[0].num_frames, 5);
   EXPECT_EQ(holes[0].duration_us, TestFlight::Utime(25) - TestFlight::Utime(19));
   EXPECT_EQ(DescribeHoles(holes), "1 hole: frames 20 to 24 (5 frames, 0.6 s)");
 }
@@ -35,11 +36,46 @@ TEST(FindHoles, FramesOfAnotherPartAreLackingInTheMainMap) {
   EXPECT_EQ(holes[0].last_frame, flight.FirstFrame(2) - 1);
 }
 
+TEST(FindHoles, TheEndOfTheFlightMayBeLacking) {
+  const TestFlight flight;
+  MapModel model;
+  for (Record record : flight.Records()) {
+    if (std::holds_alternative<SessionEnded>(record.body)) record.header.utime = TestFlight::Utime(64);
+    ASSERT_EQ(model.Apply(record), "");
+  }
+  model.SetRevision(flight.Revision());
+  const std::vector<MapHole> holes = FindHoles(MakeSnapshot(model));
+  ASSERT_EQ(holes.size(), 2u);
+  EXPECT_EQ(holes[1].first_frame, 45);
+  EXPECT_EQ(holes[1].last_frame, -1);
+  EXPECT_EQ(holes[1].duration_us, TestFlight::Utime(64) - TestFlight::Utime(44));
+}
+
+TEST(FindHoles, WhereEveryOtherFrameIsMappedTheOthersAreNotLacking) {
+  const TestFlight flight;
+  MapModel model;
+  for (Record record : flight.Records()) {
+    // Twice as many frames lie in the input: only the even ones were read.
+    if (auto* keyframe = std::get_if<KeyframeRecord>(&record.body)) keyframe->frame *= 2;
+    if (auto* update = std::get_if<MapUpdate>(&record.body)) {
+      for (TrackedFrame& frame : update->frames) frame.frame *= 2;
+    }
+    ASSERT_EQ(model.Apply(record), "");
+  }
+  model.SetRevision(flight.Revision());
+  const std::vector<MapHole> holes = FindHoles(MakeSnapshot(model));
+  ASSERT_EQ(holes.size(), 1u);
+  EXPECT_EQ(holes[0].first_frame, 40);
+  EXPECT_EQ(holes[0].last_frame, 48);
+  EXPECT_EQ(holes[0].num_frames, 5);
+}
+
 TEST(DescribeHoles, NamesTheLongest) {
   EXPECT_EQ(DescribeHoles({}), "no holes");
-  EXPECT_EQ(DescribeHoles({{0, 7, 7, 0}}), "1 hole: frame 7 (1 frame)");
-  EXPECT_EQ(DescribeHoles({{0, 7, 7, 66000}, {0, 30, 49, 21000000}, {1, 0, 1, 0}}),
-            "3 holes, 23 frames in all; the longest: frames 30 to 49 (20 frames, 21 s)");
+  EXPECT_EQ(DescribeHoles({{0, 120, -1, 0, 52000000}}), "1 hole: frame 120 to the end (52.0 s)");
+  EXPECT_EQ(DescribeHoles({{0, 7, 7, 1, 0}}), "1 hole: frame 7 (1 frame)");
+  EXPECT_EQ(DescribeHoles({{0, 7, 7, 1, 66000}, {0, 30, 49, 20, 21000000}, {1, 0, 1, 2, 100000}}),
+            "3 holes; the longest: frames 30 to 49 (20 frames, 21 s)");
 }
 
 }  // namespace
