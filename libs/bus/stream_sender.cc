@@ -17,6 +17,7 @@
 #include "libs/bus/channels.h"
 #include "libs/bus/codec.h"
 #include "libs/bus/outbox.h"
+#include "libs/bus/record_checksums.h"
 #include "libs/bus/send_window.h"
 
 namespace mapmend {
@@ -50,6 +51,7 @@ struct StreamSender::Impl {
   int64_t last_kept = -1;  // in the outbox, or was
   bool ended = false;      // that one is SESSION ENDED
   SendWindow window;
+  RecordChecksums checksums;
   int64_t connection = -1;
   Clock::time_point last_heartbeat, last_sync;
   std::atomic<bool> stop{false};
@@ -140,6 +142,7 @@ struct StreamSender::Impl {
       was_acknowledged = false;
     }
     window.SendDue(Clock::now(), [this](const EncodedRecord& record) {
+      bus->Publish(channels::kChecksum, checksums.Of(record));
       return bus->PublishRaw(record.channel, record.data.data(), static_cast<int>(record.data.size()));
     });
   }

@@ -1,6 +1,7 @@
 #include "procs/mapmend/backend.h"
 
 #include <chrono>
+#include <filesystem>
 #include <fstream>
 #include <stdexcept>
 #include <thread>
@@ -17,9 +18,13 @@ using std::chrono::milliseconds;
 
 constexpr const char* kServices[] = {"submap_store", "merger", "viewer_export"};
 
+std::string LogFolder(const BackendOptions& options) {
+  return options.logs.empty() ? options.out + "/logs" : options.logs;
+}
+
 SupervisorOptions MakeSupervisorOptions(const BackendOptions& options) {
   SupervisorOptions result;
-  result.log_folder = options.out + "/logs";
+  result.log_folder = LogFolder(options);
   return result;
 }
 
@@ -41,7 +46,7 @@ std::string FindHubUrl(const std::string& log_path, long from) {
 
 Backend::Backend(const BackendOptions& options)
     : options_(options),
-      redirection_(std::make_unique<StderrRedirection>(options.out + "/logs/mapmend.log")),
+      redirection_(std::make_unique<StderrRedirection>(LogFolder(options) + "/mapmend.log")),
       supervisor_(MakeSupervisorOptions(options)) {
   ProcessOptions logging;
   logging.log_level = options_.log_level;
@@ -68,7 +73,7 @@ Backend::Backend(const BackendOptions& options)
                                      std::to_string(options_.port)};
   if (!options_.bind.empty()) viewer.insert(viewer.end(), {"--bind", options_.bind});
   if (!options_.groundtruth.empty()) {
-    viewer.insert(viewer.end(), {"--groundtruth", options_.groundtruth});
+    viewer.insert(viewer.end(), {"--groundtruth", std::filesystem::absolute(options_.groundtruth).string()});
     viewer.insert(viewer.end(), options_.groundtruth_arguments.begin(), options_.groundtruth_arguments.end());
   }
   if (options_.with_viewer) StartProcess("viewer_export", viewer, OnExit::kRestart);

@@ -18,8 +18,9 @@ struct Interrupted : std::exception {
 };
 
 struct BackendOptions {
-  std::string out;  // folder of results; holds map.db and logs/
-  std::string db;   // the database; empty: OUT/map.db
+  std::string out;   // folder of results; holds map.db and logs/
+  std::string db;    // the database; empty: OUT/map.db
+  std::string logs;  // folder of the log files; empty: OUT/logs
   std::string vocabulary;
   std::string vocabulary_hash;
   std::string groundtruth;                         // empty: none

@@ -134,18 +134,32 @@ EdgeTable ReadTable(Backend* backend, const std::string& db) {
   return {graph, SessionOrder(&store)};
 }
 
+// Whether the last word on this pair of submaps says the same; without any, an edge is not disabled.
+bool IsInForce(const edge_decision_t& decision, const std::vector<edge_decision_t>& all) {
+  const auto ends = [](const edge_decision_t& d) {
+    std::pair a(d.session_a, d.submap_a), b(d.session_b, d.submap_b);
+    if (b < a) std::swap(a, b);
+    return std::pair(a, b);
+  };
+  bool is_disabled = false;
+  for (const edge_decision_t& earlier : all) {
+    if (ends(earlier) == ends(decision)) is_disabled = earlier.disabled != 0;
+  }
+  return is_disabled == (decision.disabled != 0);
+}
+
+// The decision and the map made after it take the place of what was there in one step.
 void WorkOnFile(EdgesOptions options) {
   options.file.place = FindMap(options.map);
   std::optional<edge_decisions_t> decisions;
-  size_t before = 0;
+  std::optional<edge_decision_t> decision;
   {
     MapFile map(options.file);
     const EdgeTable table = ReadTable(map.backend(), options.file.place.db);
     StoreClient store(map.backend()->bus(), "edges-" + std::to_string(getpid()));
     decisions = Decide(&store, {});
-    before = decisions->decisions.size();
-    if (!options.submaps.empty()) decisions = Decide(&store, {MakeDecision(options, table)});
-    if (options.submaps.empty() || decisions->decisions.size() == before) {
+    if (!options.submaps.empty()) decision = MakeDecision(options, table);
+    if (options.submaps.empty() || IsInForce(*decision, decisions->decisions)) {
       if (!options.submaps.empty() && !options.json) std::puts("it is so already");
       Print(options, table, decisions->decisions);
       map.backend()->StopAll();
@@ -158,6 +172,8 @@ void WorkOnFile(EdgesOptions options) {
   options.file.out = options.file.place.folder;
   {
     MapFile map(options.file);
+    StoreClient store(map.backend()->bus(), "edges-" + std::to_string(getpid()));
+    decisions = Decide(&store, {*decision});
     const std::string exports = map.Finish([&](const std::string& text) { progress.Show(text); });
     if (!exports.empty()) progress.Say(exports);
   }

@@ -12,7 +12,7 @@ namespace {
 
 const ForwardCommand kForwardCommands[] = {
     {"db", "submap_store", "",
-     "Look into, check, compact or merge map databases: info, check, compact, forget, merge, hash"},
+     "Look into, check, repair, compact or merge map databases: info, check, repair, compact, forget, merge, hash"},
     {"simulate", "simulate", "", "Make a synthetic flight with exact ground truth"},
 };
 

@@ -1,10 +1,14 @@
 #include "procs/mapmend/map_file.h"
 
+#include <signal.h>
 #include <stdlib.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <chrono>
+#include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <mapmend/cursor_t.hpp>
 #include <mapmend/fetch_t.hpp>
 #include <mapmend/fetched_t.hpp>
@@ -12,18 +16,23 @@
 #include <mapmend/revision_t.hpp>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
+#include <thread>
 #include <vector>
 
+#include "libs/bus/process.h"
 #include "libs/bus/store_client.h"
 #include "libs/retrieval/vocabulary.h"
 #include "procs/mapmend/finish_run.h"
 #include "procs/mapmend/paths.h"
+#include "procs/mapmend/run_flight.h"
 #include "procs/mapmend/session_rescue.h"
 
 namespace mapmend {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr char kUnfinished[] = ".merging";  // in names of what is not complete yet
 
 std::string MakeTemporaryFolder() {
   std::string path = (fs::temp_directory_path() / "mapmend-XXXXXX").string();
@@ -41,6 +50,7 @@ MapPlace FindMap(const std::string& path) {
     return {path + "/map.db", path};
   }
   if (!fs::exists(path)) throw std::runtime_error(path + ": no such file or folder");
+  if (fs::is_regular_file(path) && fs::file_size(path) == 0) throw std::runtime_error(path + ": is empty");
   return {path, ""};
 }
 
@@ -73,21 +83,93 @@ MapFile::MapFile(const MapFileOptions& options) : options_(options) {
     out_folder_ = std::make_unique<OutFolder>(options_.out, false, is_own);
     backend.out = options_.out;
   }
+  backend.logs = backend.out + "/logs";
   try {
-    if (options_.forget_merged) {
-      RunTool({"submap_store", "forget", options_.place.db}, backend.out + "/logs/forget.log", "cannot merge anew");
+    if (options_.with_merger) {
+      CopyFlights(backend.logs);
+      backend.db = copy_;
+      if (!options_.out.empty()) {
+        exports_ = options_.out + "/" + kUnfinished;
+        fs::remove_all(exports_);
+        fs::create_directory(exports_);
+        backend.out = exports_;
+      }
     }
     backend_ = std::make_unique<Backend>(backend);
   } catch (...) {
-    if (!temporary_.empty()) fs::remove_all(temporary_);
+    RemoveUnfinished();
     throw;
   }
 }
 
 MapFile::~MapFile() {
   backend_.reset();
+  RemoveUnfinished();
+}
+
+void MapFile::RemoveUnfinished() {
   std::error_code ignored;
-  if (!temporary_.empty()) fs::remove_all(temporary_, ignored);
+  for (const char* suffix : {"", "-wal", "-shm", ".part"}) {
+    if (!copy_.empty()) fs::remove(copy_ + suffix, ignored);
+  }
+  for (const std::string& folder : {exports_, temporary_}) {
+    if (!folder.empty()) fs::remove_all(folder, ignored);
+  }
+}
+
+void MapFile::CopyFlights(const std::string& logs) {
+  const fs::path db(options_.place.db);
+  const std::string stem = db.filename().string() + kUnfinished + "-";
+  for (const auto& entry : fs::directory_iterator(fs::absolute(db).parent_path())) {
+    // Of a process that was killed.
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with(stem)) continue;
+    const int pid = std::atoi(name.c_str() + stem.size());
+    std::error_code ignored;
+    if (pid > 0 && kill(pid, 0) != 0 && errno == ESRCH) fs::remove(entry.path(), ignored);
+  }
+  copy_ = options_.place.db + kUnfinished + "-" + std::to_string(getpid());
+  const std::string log = logs + "/copy.log";
+  fs::remove(log);
+  ChildProcess tool({FindProgram("submap_store"), "copy-flights", options_.place.db, copy_}, log);
+  std::optional<ExitStatus> status;
+  while (!(status = tool.Poll())) {
+    if (StopRequested()) throw Interrupted();
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  if (status->Success()) return;
+  if (status->signal != 0 || status->code != kExitInputCutShort)
+    throw std::runtime_error("cannot merge anew: " + FindErrorLine(log, "submap_store", 0));
+  std::ifstream lines(log);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.find("session ") == 0 || line.find(options_.place.db) == 0 || line.find("decision") == 0 ||
+        line.find("merged map") == 0)
+      problems_.push_back(line);
+  }
+  if (problems_.empty()) problems_.push_back(options_.place.db + ": is damaged; `mapmend db check` says how");
+}
+
+// First the exports, then the map: it is what they are made from.
+void MapFile::TakeOver() {
+  if (!exports_.empty()) {
+    for (const auto& entry : fs::directory_iterator(exports_)) {
+      const fs::path target = fs::path(options_.out) / entry.path().filename();
+      if (entry.is_directory()) fs::remove_all(target);
+      fs::rename(entry.path(), target);
+    }
+  }
+  if (fs::exists(copy_ + "-wal") && fs::file_size(copy_ + "-wal") > 0) {
+    // Its store was killed at the end.
+    RunTool({"submap_store", "compact", copy_}, (options_.out.empty() ? temporary_ : options_.out) + "/logs/copy.log",
+            "cannot finish the map");
+  }
+  if (!problems_.empty()) {
+    const std::string kept = options_.place.db + ".damaged";
+    std::error_code no_links;  // as on FAT
+    if (!fs::exists(kept)) fs::create_hard_link(options_.place.db, kept, no_links);
+    if (no_links) fs::copy_file(options_.place.db, kept);
+  }
+  fs::rename(copy_, options_.place.db);
 }
 
 std::string MapFile::Finish(const std::function<void(const std::string&)>& show) {
@@ -121,6 +203,7 @@ std::string MapFile::Finish(const std::function<void(const std::string&)>& show)
   figures.readout_ms = FindCounter(backend_->Health("merger"), "readout_ms");
   figures.processes = backend_->StopAll();
   figures.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  if (options_.with_merger) TakeOver();
   return options_.out.empty() ? "" : FinishRun(options_.out, figures, options_.place.db);
 }
 

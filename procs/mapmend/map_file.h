@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "procs/mapmend/backend.h"
 #include "procs/mapmend/out_folder.h"
@@ -25,12 +26,12 @@ struct MapFileOptions {
   std::string groundtruth;  // empty: the one of the exports that lie in OUT, if it is still there
   std::optional<int> seed;
   std::string log_level = "info";
-  bool with_merger = false;
-  bool forget_merged = false;  // what an earlier merger made, under whatever numbers, is removed first
+  bool with_merger = false;  // the map is merged anew
 };
 
 // The processes on a database file without a flight. Logs go to OUT/logs, or to a temporary folder that goes with the
-// object.
+// object. With a merger they work on a copy of the flights and write their exports into a folder of their own: what was
+// there stays as it is until Finish, and if it does not come to that, however it ends.
 class MapFile {
  public:
   // Call InstallSignalHandlers first, once. Throws std::runtime_error with one line, Interrupted.
@@ -38,15 +39,23 @@ class MapFile {
   ~MapFile();
 
   Backend* backend() { return backend_.get(); }
+  // With a merger: what of the flights is damaged, a line each. It is left out; the file as it was is kept.
+  const std::vector<std::string>& Problems() const { return problems_; }
   // Ends sessions whose frontend died, waits until merger and viewer have done all of the map, stops everything,
   // completes the exports. Returns the lines to print, empty without exports. Throws as the constructor does, also if
   // there is no merged map to export.
   std::string Finish(const std::function<void(const std::string&)>& show);
 
  private:
+  void CopyFlights(const std::string& logs);
+  void TakeOver();
+  void RemoveUnfinished();
+
   MapFileOptions options_;
-  std::string title_;  // that an earlier run gave the report
-  std::string temporary_;
+  std::string title_;           // that an earlier run gave the report
+  std::string temporary_;       // for logs
+  std::string copy_, exports_;  // of the database, of the exports, while they are made; empty: none
+  std::vector<std::string> problems_;
   std::unique_ptr<OutFolder> out_folder_;
   std::unique_ptr<Backend> backend_;
 };

@@ -17,6 +17,14 @@ void Work(const MapFileOptions& options, const std::string& done) {
     MapFile map(options);
     const std::string table = map.Finish([&](const std::string& text) { progress.Show(text); });
     progress.Say(table.empty() ? done : table);
+    for (const std::string& problem : map.Problems()) std::fprintf(stderr, "mapmend: %s\n", problem.c_str());
+    if (!map.Problems().empty()) {
+      std::fprintf(
+          stderr,
+          "mapmend: what is sound is mapped; the file as it was is %s.damaged, `mapmend db repair` may mend it\n",
+          options.place.db.c_str());
+      throw CLI::RuntimeError(kExitInputCutShort);
+    }
   } catch (const Interrupted&) {
     progress.Say("interrupted");
     throw CLI::RuntimeError(kExitInterrupted);
@@ -25,7 +33,8 @@ void Work(const MapFileOptions& options, const std::string& done) {
 
 void AddCommonOptions(CLI::App* sub, std::string* map, MapFileOptions* options) {
   sub->add_option("MAP", *map, "folder of results, or a map database")->required();
-  sub->add_option("--groundtruth", options->groundtruth, "TUM file; the report then tells the accuracy");
+  sub->add_option("--groundtruth", options->groundtruth,
+                  "TUM file; the report then tells the accuracy (default: the one of the run that made the folder)");
   sub->add_option("--vocabulary", options->vocabulary,
                   "the one that the flights were mapped with (default: mapmend's own)");
   sub->add_option("--log-level", options->log_level, "of the log files in OUT/logs: debug, info, warn or error")
@@ -62,7 +71,7 @@ void AddMergeCommand(CLI::App* app) {
                   "of everything random (default: that of the flight's run, which gives the same map)");
   sub->callback([options, map] {
     options->place = FindMap(*map);
-    options->with_merger = options->forget_merged = true;
+    options->with_merger = true;
     if (options->out.empty()) options->out = options->place.folder;
     Work(*options, options->place.db + ": merged");
   });

@@ -25,7 +25,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 struct ReplayOptions {
-  std::string log, out = "mapmend-replay", vocabulary, groundtruth, lcm_url, channel_prefix, log_level = "info";
+  std::vector<std::string> logs;
+  std::string out = "mapmend-replay", vocabulary, groundtruth, lcm_url, channel_prefix, log_level = "info";
   std::optional<int> seed;
   std::optional<int> port;  // unset: a free one from 8080 on; 0: no page
   double speed = 0;
@@ -75,10 +76,12 @@ int Replay(ReplayOptions options) {
   InstallSignalHandlers();
   if (options.vocabulary.empty()) options.vocabulary = DefaultVocabulary();
   if (options.vocabulary.empty()) throw std::runtime_error("no vocabulary: give one with --vocabulary");
-  LogReader log(options.log);
+  const std::vector<std::string> files = FindLogs(options.logs);
+  LogReader log(files);
+  const std::string name = options.logs.front() + (options.logs.size() > 1 ? " and others" : "");
   const std::string hash = Vocabulary::Read(options.vocabulary).Hash();
   if (!log.VocabularyHash().empty() && log.VocabularyHash() != hash) {
-    throw std::runtime_error("log " + options.log + " was recorded with the vocabulary " + log.VocabularyHash() + ", " +
+    throw std::runtime_error("log " + name + " was recorded with the vocabulary " + log.VocabularyHash() + ", " +
                              options.vocabulary + " is " + hash + ": give the right one with --vocabulary");
   }
   std::unique_ptr<FreePort> page;  // none with --port 0
@@ -101,8 +104,11 @@ int Replay(ReplayOptions options) {
     backend_options.seed = options.seed;
     backend_options.port = port;
     Backend backend(backend_options);
-    progress.Say("mapping the recording " + options.log + " into " + options.out + "; bus " + backend.Url() +
+    progress.Say("mapping the recording " + name + " into " + options.out + "; bus " + backend.Url() +
                  (port > 0 ? "; live page http://127.0.0.1:" + std::to_string(port) : ""));
+    if (!log.HasChecksums()) {
+      progress.Say("the recording carries no checksums (an older program made it): not all damage would be seen");
+    }
     const BusAddressFile bus_address(options.out, backend.Url());
     SendAll(&log, options.speed, &backend, &progress);
     while (!AllFinished(backend, log)) {
@@ -134,7 +140,10 @@ void AddReplayCommand(CLI::App* app) {
   CLI::App* sub =
       app->add_subcommand("replay", "Map from a recording of `mapmend run --record`: the same map without the camera");
   const auto options = std::make_shared<ReplayOptions>();
-  sub->add_option("LOG", options->log, "event log of lcm-logger")->required();
+  sub->add_option("LOG", options->logs,
+                  "event log of lcm-logger; several parts of one recording, or a folder that holds nothing else of "
+                  "that kind")
+      ->required();
   sub->add_option("--out", options->out, "folder of the results")->capture_default_str();
   sub->add_flag("--overwrite", options->overwrite, "replace the results of an earlier run in --out");
   sub->add_option("--vocabulary", options->vocabulary,
@@ -148,8 +157,9 @@ void AddReplayCommand(CLI::App* app) {
   sub->add_option("--port", options->port, "of the live page, 0: none (default: a free one from 8080 on)");
   AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
   sub->footer(
-      "Exit codes: 0 done; 1 an error, told in one line; 2 a mistake in the command line; 3 the recording is not "
-      "complete\n(what it holds is mapped); 4 the main map holds less than half of the flight; 130 interrupted.");
+      "Exit codes: 0 done; 1 an error, told in one line; 2 a mistake in the command line; 3 the recording is damaged "
+      "or not\ncomplete (what is sound is mapped); 4 the main map holds less than half of the flight; 130 "
+      "interrupted.");
   sub->callback([options] {
     options->lcm_url = UrlFromOptionOrEnvironment(options->lcm_url);
     const int code = Replay(*options);

@@ -95,6 +95,8 @@ class StoreKeyframeSource : public KeyframeSource {
         throw std::runtime_error("the store has no keyframe under record " + std::to_string(seq) + " of session " +
                                  session);
       }
+      if (reply && reply->status == fetched_t::OK)
+        throw std::runtime_error("the store no longer has record " + std::to_string(seq) + " of session " + session);
       spdlog::warn("merger: the store does not answer, trying again");
     }
     throw std::runtime_error("stopped while waiting for the store");

@@ -2,6 +2,7 @@
 
 #include <sqlite3.h>
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "procs/submap_store/blob.h"
@@ -12,6 +13,7 @@ namespace mapmend {
 namespace {
 
 constexpr int kBusyTimeoutMs = 5000;
+constexpr int64_t kMaxTried = 2000000;  // records behind a damaged page; a higher last number is damage itself
 constexpr int kFirstWithChecksums = 6;  // schema version
 
 // The file as a URI that SQLite takes for unchanging.
@@ -56,6 +58,7 @@ Database::Database(const std::string& path, Mode mode) : path_(path) {
                                             is_at_rest ? flags | SQLite::OPEN_URI : flags, kBusyTimeoutMs);
   AddRowChecksum(sql_.get());
   if (mode == Mode::kDamaged) {
+    sql_->exec("PRAGMA writable_schema = ON");  // else SQLite reads nothing of a truncated file
     has_checksums_ =
         sql_->execAndGet("SELECT count(*) FROM pragma_table_info('record') WHERE name = 'checksum'").getInt() != 0;
     return;
@@ -116,7 +119,9 @@ std::vector<SessionRow> Database::Sessions() {
 
 std::vector<GapRow> Database::Gaps(int64_t session) {
   std::vector<GapRow> gaps;
-  Use query = Prepare("SELECT first_seq, last_seq, reason FROM gap WHERE session = ? ORDER BY first_seq");
+  Use query = Prepare(std::string("SELECT first_seq, last_seq, reason FROM gap WHERE session = ?") +
+                      (has_checksums_ ? " AND checksum IS row_checksum(first_seq, last_seq, reason)" : "") +
+                      " ORDER BY first_seq");
   query->bind(1, session);
   while (query->executeStep()) {
     gaps.push_back(
@@ -174,6 +179,7 @@ void Database::ReadRecords(const SessionRow& session, int64_t first, int64_t las
     }
   }
   // Behind a damaged page the others are still to be had, one by one.
+  if (!is_readable) last = std::min(last, seq + kMaxTried);
   for (; !is_readable && seq <= last; ++seq) {
     Use query = Prepare(select + "seq = ?");
     query->bind(1, session.id);

@@ -45,6 +45,7 @@ class Database {
 
   const std::string& Path() const { return path_; }
   SQLite::Database& Sql() { return *sql_; }
+  bool HasChecksums() const { return has_checksums_; }  // not in an older schema
 
   // Calls hook after each commit of this connection.
   void SetCommitHook(std::function<void()> hook);

@@ -38,7 +38,9 @@ void CheckSession(Database* database, const SessionRow& session, DerivedCheck* d
           report(encoded.seq, decoded.error);
           return true;
         }
-        if (const std::string error = ApplyLight(*decoded.record, &model); !error.empty()) report(encoded.seq, error);
+        // What depends on a lost or damaged record is no damage: it stays as it is, for that one may come back.
+        const std::string error = ApplyLight(*decoded.record, &model);
+        if (!error.empty() && gap == 0 && problems->size() == before) report(encoded.seq, error);
         derived->OnRecord(session, *decoded.record);
         if (const auto* end = std::get_if<SubmapEnded>(&decoded.record->body)) {
           const auto submap = model.submaps.find(end->submap);

@@ -3,11 +3,18 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 
 #include <filesystem>
+#include <functional>
 #include <iostream>
 #include <memory>
 #include <stdexcept>
 
 namespace mapmend {
+
+namespace {
+
+constexpr int kExitIncomplete = 3;  // what could be had is there
+
+}  // namespace
 
 std::string DatabaseIn(const std::string& path) {
   namespace fs = std::filesystem;
@@ -55,6 +62,22 @@ void AddDbCommands(CLI::App* app) {
     const DbHash hash = HashDb(*path);
     std::cout << "stream " << hash.stream << "\nmap    " << (hash.map.empty() ? "none" : hash.map) << "\n";
   });
+  const auto sources = std::make_shared<std::vector<std::string>>();
+  add("repair", "Mend a damaged database from recordings, outboxes or other databases of the same flights",
+      [path, sources] {
+        if (!RepairDb(*path, *sources)) throw CLI::RuntimeError(kExitIncomplete);
+      })
+      ->add_option("--from", *sources, "where to take what is damaged from (default: what lies in the folder)")
+      ->check(CLI::ExistingFile);
+  const auto copy = std::make_shared<std::string>();
+  CLI::App* copy_flights =
+      add("copy-flights", "Copy the flights of a database, without the merged map, into a new one", [path, copy] {
+        const std::vector<std::string> problems = CopyFlights(*path, *copy);
+        for (const std::string& problem : problems) std::cout << problem << "\n";
+        if (!problems.empty()) throw CLI::RuntimeError(kExitIncomplete);
+      });
+  copy_flights->add_option("OUT", *copy, "the new database file")->required();
+  copy_flights->group("");  // for `mapmend merge`
   CLI::App* merge = app->add_subcommand("merge", "Put the sessions of several databases into a new one");
   const auto inputs = std::make_shared<std::vector<std::string>>();
   const auto out = std::make_shared<std::string>();

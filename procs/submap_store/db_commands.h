@@ -9,7 +9,7 @@
 // be used, and print to stdout.
 namespace mapmend {
 
-// Adds info, check, compact, forget, merge and hash as subcommands.
+// Adds info, check, compact, repair, forget, merge and hash as subcommands.
 void AddDbCommands(CLI::App* app);
 
 // The database that is meant by a path: the file itself, or map.db in the folder. Throws if the folder holds none.
@@ -30,6 +30,15 @@ std::string DescribeChannel(const std::string& channel);
 
 // Rewrites the file without free pages, and brings it up to the newest schema.
 void CompactDb(const std::string& path);
+
+// Leaves out what is damaged, takes it from other files (ReadRepairSource; without any, from those that lie in its
+// folder) where they have it, and fills gaps. The file as it was stays beside it, as PATH.damaged. Says what it did on
+// stdout. True if nothing is missing.
+bool RepairDb(const std::string& path, std::vector<std::string> sources);
+
+// Makes `out`, which must not exist, from the flights and decisions of one database, without its merged map. What is
+// damaged is left out and told, a line each; empty: all is whole.
+std::vector<std::string> CopyFlights(const std::string& path, const std::string& out);
 
 // Removes every revision of the merged map with its connections. Flights and people's decisions stay.
 void ForgetMergedMap(const std::string& path);

@@ -92,8 +92,11 @@ void MergeDbs(const std::vector<std::string>& inputs, const std::string& out) {
       throw std::runtime_error(source.path + ": session " + source.session.uuid + " is in another of the files too");
     }
   }
-  std::stable_sort(sources.begin(), sources.end(),
-                   [](const Source& a, const Source& b) { return a.session.start_utime < b.session.start_utime; });
+  // Of one file the order is kept, and with it the roots of its map.
+  if (inputs.size() > 1) {
+    std::stable_sort(sources.begin(), sources.end(),
+                     [](const Source& a, const Source& b) { return a.session.start_utime < b.session.start_utime; });
+  }
   const std::string temporary = out + ".part";
   std::filesystem::remove(temporary);
   try {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "procs/submap_store/db_commands.h"
 #include "procs/submap_store/submap_model.h"
 
 namespace mapmend {
@@ -367,16 +368,23 @@ fetched_t SubmapStore::Fetch(const fetch_t& request) {
   SessionRow row;
   row.id = state->row;
   row.uuid = request.session;
-  database_.ReadRecords(row, request.first_seq, std::min(request.last_seq, reply.cumulative),
-                        [&](const EncodedRecord& record) {
-                          if (reply.num_records > 0 && reply.data.size() + record.data.size() > limit) return false;
-                          ++reply.num_records;
-                          reply.seq.push_back(record.seq);
-                          reply.channel.push_back(record.channel);
-                          reply.size.push_back(static_cast<int32_t>(record.data.size()));
-                          reply.data.insert(reply.data.end(), record.data.begin(), record.data.end());
-                          return true;
-                        });
+  database_.ReadRecords(
+      row, request.first_seq, std::min(request.last_seq, reply.cumulative),
+      [&](const EncodedRecord& record) {
+        if (reply.num_records > 0 && reply.data.size() + record.data.size() > limit) return false;
+        ++reply.num_records;
+        reply.seq.push_back(record.seq);
+        reply.channel.push_back(record.channel);
+        reply.size.push_back(static_cast<int32_t>(record.data.size()));
+        reply.data.insert(reply.data.end(), record.data.begin(), record.data.end());
+        return true;
+      },
+      // To a consumer it is a hole.
+      [&](int64_t seq, const std::string& channel, const std::string& what) {
+        if (!told_damaged_.insert({request.session, seq}).second) return;
+        spdlog::error("{}: session {}, record {}{}: {}; it is left out", options_.path, request.session, seq,
+                      DescribeChannel(channel), what);
+      });
   reply.num_bytes = static_cast<int32_t>(reply.data.size());
   return reply;
 }

@@ -11,6 +11,7 @@
 #include <mapmend/session_closed_t.hpp>
 #include <mapmend/stream_state_t.hpp>
 #include <memory>
+#include <set>
 #include <string>
 
 #include "procs/submap_store/bow_search.h"
@@ -99,6 +100,7 @@ class SubmapStore {
   std::map<std::string, std::unique_ptr<SessionState>> sessions_;
   std::deque<GeometryWriter> geometry_;  // submaps that have ended
   std::string vocabulary_hash_, error_;
+  std::set<std::pair<std::string, int64_t>> told_damaged_;
   int64_t retry_at_ms_ = 0;
   bool must_reload_ = false;
   int64_t num_records_ = 0, num_duplicates_ = 0, num_refused_ = 0, num_gaps_ = 0;
