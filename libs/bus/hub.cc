@@ -96,6 +96,7 @@ struct Hub::Impl {
                               std::string_view wire) { return OnPublish(client, channel, data, wire); };
     handlers.subscribe = [this](HubClient* client, std::string_view pattern) {
       routes.clear();
+      client->has_acted = true;
       // Strangers cannot use up all expressions.
       return client->subscriptions.Add(pattern, client->trusted ? kMaxExpressions : kMaxExpressions / 2, &expressions);
     };
@@ -161,7 +162,8 @@ HubClient* Hub::Impl::OldestNotGreeted(uint32_t address, bool any_address, int* 
   return oldest;
 }
 
-// Whoever has not greeted yet has to make room for newcomers, the longest there first: a real client greets at once.
+// Whoever has not greeted yet has to make room for newcomers, the longest there first: a real client greets at once. If
+// all places are taken, so have those who greeted and then neither subscribed nor published.
 bool Hub::Impl::MakeRoom(uint32_t address) {
   const bool is_local = address >> 24 == 127;
   const auto drop = [this](HubClient* client) {
@@ -176,7 +178,11 @@ bool Hub::Impl::MakeRoom(uint32_t address) {
   if (count >= limit) drop(oldest);
   const int total = static_cast<int>(clients.size());
   if (is_local ? total < options.max_clients : total < options.max_clients - options.max_clients / 4) return true;
-  oldest = OldestNotGreeted(address, /*any_address=*/true, &count);
+  // The longest here that has not done anything yet, greeted or not.
+  oldest = nullptr;
+  for (auto& [fd, client] : clients) {
+    if (!client->has_acted && (oldest == nullptr || client->accepted < oldest->accepted)) oldest = client.get();
+  }
   if (oldest == nullptr) return false;
   drop(oldest);
   return true;
@@ -239,6 +245,7 @@ bool Hub::Impl::OnPublish(HubClient* publisher, std::string_view channel, std::s
                           std::string_view wire) {
   if (channel.ends_with(kTokenChannel)) return OnToken(publisher, data);
   ++statistics.num_messages;
+  publisher->has_acted = true;
   // A ping is how a client learns that its connection lives: without token it is sent back, and to nobody else.
   const bool to_itself_only = !publisher->trusted && channel.find(kPingChannel) != std::string_view::npos;
   if (!publisher->trusted && !to_itself_only) {

@@ -97,7 +97,8 @@ class HubClient {
   bool trusted = false;                 // may publish
   int num_wrong_tokens = 0;
   bool told_of_no_token = false;
-  uint32_t events = 0;  // what epoll watches for
+  bool has_acted = false;  // subscribed or published
+  uint32_t events = 0;     // what epoll watches for
 
  private:
   // Handles what is complete and returns how many bytes are done with; sets fault_ or has_backlog_.

@@ -186,7 +186,7 @@ TEST(HubAttacks, WithoutDescriptorsNewcomersAreTurnedAwayWithoutSpinning) {
   EXPECT_TRUE(Serves(&hub));
 }
 
-TEST(HubAttacks, AFullHubKeepsThoseItHas) {
+TEST(HubAttacks, AFullHubKeepsThoseItServes) {
   HubOptions options = OnAnyPort();
   options.max_clients = 8;
   Hub hub(options);
@@ -194,6 +194,7 @@ TEST(HubAttacks, AFullHubKeepsThoseItHas) {
   for (int i = 0; i < 8; ++i) {
     clients.push_back(std::make_unique<RawClient>(&hub));
     clients.back()->Greet();
+    clients.back()->Subscribe("A");
     EXPECT_EQ(clients.back()->Receive(), kGreeting);
   }
   RawClient late(&hub);
@@ -203,6 +204,22 @@ TEST(HubAttacks, AFullHubKeepsThoseItHas) {
   RawClient next(&hub);
   next.Greet();
   EXPECT_EQ(next.Receive(), kGreeting);
+}
+
+TEST(HubAttacks, WhoGreetsAndDoesNothingMakesRoom) {
+  HubOptions options = OnAnyPort();
+  options.max_clients = 16;
+  Hub hub(options);
+  RawClient served(&hub);
+  served.Greet();
+  served.Subscribe("A");
+  std::vector<std::unique_ptr<RawClient>> idle;
+  for (int i = 0; i < 100; ++i) {
+    idle.push_back(std::make_unique<RawClient>(&hub));
+    idle.back()->SendRaw(RawClient::U32(0x287617fb) + RawClient::U32(0x0100));
+  }
+  EXPECT_TRUE(Serves(&hub));
+  EXPECT_FALSE(served.IsClosed());
 }
 
 TEST(HubAttacks, AnnouncedBytesTakeNoMemoryAndHeldOnesAreBounded) {
