@@ -125,8 +125,10 @@ void DeviceImages::Run() {
       pause = kFirstPause;
       told = false;
     }
-    problems_.Tell(why + "; waits for it");
-    if (!std::exchange(told, true)) tell_(why + "; waits for it");
+    if (!std::exchange(told, true)) {
+      problems_.Tell(why + "; waits for it");
+      tell_(why + "; waits for it");
+    }
     if (!Wait(pause)) break;
     pause = std::min(2 * pause, kLongestPause);
   }
@@ -141,7 +143,7 @@ void DeviceImages::Read(Camera* camera) {
     if (is_first) {
       tell_("source " + source_ + ": images of " + std::to_string(image.cols) + " x " + std::to_string(image.rows) +
             " pixels come");
-      problems_.Tell("");
+      problems_.Withdraw();
     }
     if (image.cols != width_ || image.rows != height_) {
       const std::string what = "image of " + std::to_string(image.cols) + " x " + std::to_string(image.rows) +

@@ -40,6 +40,8 @@ class DeviceImages : public LiveStream {
   int64_t NumDropped() const override { return queue_.NumDropped(); }
   int64_t NumBad() const override { return problems_.Count(); }
   std::string LastProblem() const override { return problems_.Last(); }
+  std::string News() const override { return problems_.News(); }
+  int64_t NumNews() const override { return problems_.NumNews(); }
   std::string Name() const override { return "source " + source_; }
 
  private:

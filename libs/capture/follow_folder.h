@@ -24,6 +24,8 @@ class FollowFolder : public LiveStream {
   void Stop() override;
   int64_t NumBad() const override { return problems_.Count(); }
   std::string LastProblem() const override { return problems_.Last(); }
+  std::string News() const override { return problems_.News(); }
+  int64_t NumNews() const override { return problems_.NumNews(); }
   std::string Name() const override { return "folder " + folder_; }
 
  private:

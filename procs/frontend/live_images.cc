@@ -75,7 +75,7 @@ void LiveImages::Receive(std::shared_ptr<image_t> message) {
     queue_.Push({good, held_.at(good.id)});
     held_.erase(good.id);
   }
-  if (!decision.held_because.empty()) problems_.Tell(decision.held_because);
+  if (!decision.held_because.empty()) problems_.Suspect(decision.held_because);
   if (!decision.event.empty()) {
     problems_.Tell(decision.event);
     spdlog::warn("{}: {}", name_, decision.event);

@@ -35,6 +35,8 @@ class LiveImages : public LiveStream {
   int64_t NumDropped() const override { return queue_.NumDropped(); }
   int64_t NumBad() const override { return problems_.Count() + num_held_ + bus_.NumRefused(); }
   std::string LastProblem() const override { return problems_.Last(); }
+  std::string News() const override { return problems_.News(); }
+  int64_t NumNews() const override { return problems_.NumNews(); }
   std::string Name() const override { return name_; }
 
  private:

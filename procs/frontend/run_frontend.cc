@@ -89,6 +89,8 @@ class Input {
   int NumLeftOut() const { return file_ ? file_->GetLeftOut().Count() : 0; }
   int64_t NumBad() const { return live_ ? live_->NumBad() : 0; }
   std::string LastProblem() const { return live_ ? live_->LastProblem() : ""; }
+  std::string News() const { return live_ ? live_->News() : ""; }
+  int64_t NumNews() const { return live_ ? live_->NumNews() : 0; }
   std::string Name() const { return live_ ? live_->Name() : ""; }
   std::string Problem() const { return file_ ? file_->Problem() : ""; }
   void LogLeftOut() const {
@@ -192,7 +194,7 @@ void WriteProfile(const std::string& path) {
 
 std::string ExplainNoFrame(const RunOptions& options, const Input& input) {
   if (options.mode != InputMode::kLive) return "input " + options.inputs.front() + ": no frame is left to be mapped";
-  const std::string problem = input.LastProblem();
+  const std::string problem = input.News().empty() ? input.LastProblem() : input.News();
   if (input.NumBad() == 0) return "no image came on " + input.Name() + (problem.empty() ? "" : "; " + problem);
   return "none of " + std::to_string(input.NumBad()) + " images on " + input.Name() +
          " was good; the last: " + (problem.empty() ? "not an image_t" : problem);
@@ -304,8 +306,10 @@ int RunFrontend(const RunOptions& options) {
     health.SetCounter("losses", frontend.NumLosses());
     health.SetCursor(session, sender.LastSeq());
     health.SetQueueDepth(static_cast<int>(sender.LastSeq() - sender.AcknowledgedSeq()));
-    if (const std::string problem = input.LastProblem(); !problem.empty()) {
-      health.SetState(num_frames > 0 ? "busy" : "ready", (input.NumBad() > 0 ? "images are refused: " : "") + problem);
+    health.SetCounter("source_news", static_cast<double>(input.NumNews()));
+    const std::string news = input.News();
+    if (const std::string problem = input.LastProblem(); !news.empty() || !problem.empty()) {
+      health.SetState(num_frames > 0 ? "busy" : "ready", !news.empty() ? news : "images are refused: " + problem);
     } else if (num_frames > 0) {
       health.SetState("busy");
     }

@@ -207,10 +207,15 @@ int RunFlight(const RunInputs& inputs) {
     HealthMonitor::Entry frontend;  // its last word
     pid_t frontend_pid = backend.supervisor()->Pid("frontend");
     FlightEnd flight_end(options, &backend);
+    double source_news = 0;  // what a camera's reader wants a person to hear
     while (!backend.supervisor()->Status("frontend")) {
       const auto* health = backend.Health("frontend");
       if (health != nullptr) frontend = *health;
       if (const pid_t pid = backend.supervisor()->Pid("frontend"); pid > 0) frontend_pid = pid;
+      if (const double news = CounterOr(health, "source_news", 0); news > source_news) {
+        source_news = news;
+        progress.Say(health->message);
+      }
       progress.Show(DescribeFlight(ReadProgress(backend, inputs.num_frames)));
       flight_end.Tick(50);
     }

@@ -154,9 +154,8 @@ TEST(DeviceImages, SourcesThatAreNoneAreToldAndWaitedFor) {
   for (const char* name : {"/dev/video77", "gst:nosuchelement", "rtsp://127.0.0.1:1/x"}) {
     EXPECT_TRUE(DeviceImages::IsDevice(name));
     DeviceImages source(name, 160, 120, 3, [](const std::string&) {});
-    for (int i = 0; i < 200 && source.LastProblem().empty(); ++i) std::this_thread::sleep_for(milliseconds(50));
-    EXPECT_NE(source.LastProblem().find(cv::format("source %s cannot be opened", name)), std::string::npos)
-        << source.LastProblem();
+    for (int i = 0; i < 200 && source.News().empty(); ++i) std::this_thread::sleep_for(milliseconds(50));
+    EXPECT_NE(source.News().find(cv::format("source %s cannot be opened", name)), std::string::npos) << source.News();
   }
   EXPECT_FALSE(DeviceImages::IsDevice("images"));
 }
