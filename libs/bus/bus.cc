@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <stdexcept>
 
+#include "libs/bus/access_token.h"
 #include "libs/bus/lcm_transport.h"
 #include "libs/bus/tcp_link.h"
 
@@ -37,7 +38,7 @@ TcpLinkOptions ParseTcpUrl(const std::string& url) {
     const auto [parsed, error] = std::from_chars(rest.data() + colon + 1, end, options.port);
     if (error != std::errc() || parsed != end || options.port < 1 || options.port > 65535) RefuseUrl(url);
   }
-  if (const char* token = std::getenv("MAPMEND_TOKEN"); token != nullptr) options.token = token;
+  if (const char* token = std::getenv(kTokenEnvironment); token != nullptr) options.token = token;
   return options;
 }
 

@@ -31,7 +31,5 @@ inline constexpr char kGraph[] = "MAPMEND_GRAPH";
 inline constexpr char kFramePose[] = "MAPMEND_FRAME_POSE";
 inline constexpr char kImage[] = "MAPMEND_IMAGE";
 inline constexpr char kHealth[] = "MAPMEND_HEALTH";
-// Without a prefix, to the hub alone: what lets a client in from another host.
-inline constexpr char kToken[] = "MAPMEND_TOKEN";
 
 }  // namespace mapmend::channels

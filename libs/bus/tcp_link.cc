@@ -11,7 +11,7 @@
 #include <csignal>
 #include <cstring>
 
-#include "libs/bus/channels.h"
+#include "libs/bus/access_token.h"
 #include "libs/bus/hub.h"
 
 namespace mapmend {
@@ -240,7 +240,7 @@ void TcpLink::OnUp() {
   outgoing_.Clear();
   if (!options_.token.empty()) {
     const auto* token = reinterpret_cast<const uint8_t*>(options_.token.data());
-    outgoing_.Push(PublishFrame(channels::kToken, token, options_.token.size()), OutgoingFrames::Kind::kControl);
+    outgoing_.Push(PublishFrame(kTokenChannel, token, options_.token.size()), OutgoingFrames::Kind::kControl);
   }
   outgoing_.Push(SubscribeFrame(ping_channel_), OutgoingFrames::Kind::kControl);
   for (const auto& [name, channel] : channels_) outgoing_.Push(SubscribeFrame(name), OutgoingFrames::Kind::kControl);
