@@ -119,13 +119,16 @@ struct StreamConsumer::Impl {
       if (!IsSessionId(cursor.session)) continue;
       SessionState* session = FindOrAdd(cursor.session);
       session->committed = std::max(session->committed, cursor.seq);
-      if (cursor.seq < session->delivered) {
-        // It was closed in its frontend's absence, and then its frontend's own records came after all.
-        throw std::runtime_error("session " + cursor.session +
-                                 " has been taken up again by the store: what was known of it does not hold");
-      }
+      if (cursor.seq < session->delivered) RefuseToGoOn(*session);
     }
     listed_once = true;  // until then no acks were heeded, so the order of sessions is the store's
+  }
+
+  // It was closed in its frontend's absence, and then its frontend's own records came after all: what we delivered in
+  // their place cannot be taken back.
+  [[noreturn]] static void RefuseToGoOn(const SessionState& session) {
+    throw std::runtime_error("session " + session.id +
+                             " has been taken up again by the store: what was known of it does not hold any more");
   }
 
   void SkipTo(SessionState* session, int64_t delivered) {
@@ -150,6 +153,7 @@ struct StreamConsumer::Impl {
     if (!reply) return false;
     const int64_t asked_to = std::exchange(session->asked, std::nullopt)->last_seq;
     if (reply->status != fetched_t::OK || reply->session != session->id) return false;
+    if (session->ended && (reply->ended == 0 || reply->num_records > 0)) RefuseToGoOn(*session);
     int64_t offset = 0;
     for (int32_t i = 0; i < reply->num_records; ++i) {
       const int64_t size = reply->size[i];
@@ -174,7 +178,9 @@ struct StreamConsumer::Impl {
     int num_delivered = 0;
     while (num_delivered < max_records && session->delivered < session->committed) {
       auto it = session->live.find(session->delivered + 1);
-      const bool is_usable = it != session->live.end() && (it->second.is_fetched || it->first <= session->acknowledged);
+      // After its end there is nothing, so far as we know: only the store itself is believed.
+      const bool is_usable =
+          it != session->live.end() && !session->ended && (it->second.is_fetched || it->first <= session->acknowledged);
       if (!is_usable) {
         if (!Obtain(session)) break;
         it = session->live.find(session->delivered + 1);

@@ -21,6 +21,8 @@ class StreamConsumer {
   StreamConsumer(Bus* bus, StoreClient* store, Handler handler);
   ~StreamConsumer();
 
+  // Throws std::runtime_error with one line if a session that had ended goes on after all (the store has taken it up
+  // again): a consumer that starts afresh gets it whole.
   // Call in the process's loop: dispatches the bus for up to timeout_ms, then delivers what is due (at most
   // max_records, so that heartbeats go on). Returns the number of records delivered.
   int Spin(int timeout_ms, int max_records = 16);

@@ -24,6 +24,7 @@ void SessionLog::Restore(Session model, int64_t cumulative, int32_t last_keyfram
   committed_ = prepared_ = cumulative;
   last_keyframe_ = last_keyframe;
   gaps_ = gaps;
+  if (!gaps_.empty() && gaps_.back().reason == kClosedReason) closed_from_ = gaps_.back().first_seq;
 }
 
 SessionLog::Offered SessionLog::Offer(EncodedRecord encoded, int64_t now_ms) {
@@ -158,7 +159,8 @@ std::vector<LogItem> SessionLog::TakeClosing() {
   std::vector<LogItem> items;
   if (model_.ended || prepared_ < 0) return items;
   const int64_t last_heard_of = std::max(last_made_, pending_.empty() ? -1 : pending_.rbegin()->first);
-  AddGap(prepared_ + 1, std::max(prepared_, last_heard_of), kClosedReason, &items);
+  closed_from_ = prepared_ + 1;
+  AddGap(closed_from_, std::max(prepared_, last_heard_of), kClosedReason, &items);
   pending_.clear();
   pending_bytes_ = 0;
   int last_frame = -1;
@@ -192,7 +194,8 @@ std::vector<LogItem> SessionLog::TakeClosing() {
 ack_t SessionLog::MakeAck(const std::string& store_error) const {
   ack_t ack{};
   ack.session = session_;
-  ack.cumulative = committed_;
+  // What the frontend may still have must not be acknowledged to it.
+  ack.cumulative = closed_from_ >= 0 ? std::min(committed_, closed_from_ - 1) : committed_;
   ack.error = session_error_.empty() ? store_error : session_error_;
   // Holes that were given up come first: consumers must not deliver what they may have heard of them.
   for (auto gap = gaps_.rbegin(); gap != gaps_.rend() && ack.missing.size() < kMaxGapSeqs; ++gap) {

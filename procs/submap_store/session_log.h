@@ -67,6 +67,9 @@ class SessionLog {
   bool IsAlive(int64_t now_ms) const;  // its frontend sends heartbeats
   bool WasHeard(int64_t now_ms, int64_t within_ms) const { return now_ms - last_heard_ms_ <= within_ms; }
   int64_t Cumulative() const { return committed_; }
+  // The first number that came from TakeClosing rather than from the frontend; -1: none did. What the frontend has from
+  // there on is not taken: the session must be taken up again first, without what TakeClosing made.
+  int64_t ClosedFrom() const { return closed_from_; }
   bool Ended() const { return model_.ended; }
   int QueueDepth() const { return static_cast<int>(pending_.size()); }
   int64_t NumRefused() const { return num_refused_; }
@@ -84,6 +87,7 @@ class SessionLog {
   int32_t last_keyframe_ = -1;
   int64_t committed_ = -1;
   int64_t prepared_ = -1;  // handed out by TakeReady
+  int64_t closed_from_ = -1;
   std::map<int64_t, LogEntry> pending_;
   struct Damaged {
     int count = 0;

@@ -148,6 +148,10 @@ void SubmapStore::OnRecord(const std::string& channel, const uint8_t* data, int 
     return;
   }
   EncodedRecord record{header->session, header->seq, channel, std::vector<uint8_t>(data, data + size)};
+  if (state->log.ClosedFrom() >= 0 && record.seq >= state->log.ClosedFrom()) {
+    if (DecodeRecord(channel, data, size).record) TakeUpAgain(*state);
+    return;
+  }
   const bool is_conflict = IsConflict(*state, record);
   const SessionLog::Offered offered = state->log.Offer(std::move(record), now_ms);
   if (offered == SessionLog::Offered::kDuplicate) ++num_duplicates_;
@@ -160,25 +164,19 @@ void SubmapStore::OnHeartbeat(const stream_state_t& state, int64_t now_ms) {
     ++num_refused_;
     return;
   }
-  int64_t from = 0;
-  if (session->log.Ended() && session->uncommitted.empty() && HasMore(*session, state, &from)) {
-    TakeUpAgain(*session, from);
+  const int64_t closed_from = session->log.ClosedFrom();
+  const bool has_any = state.first >= 0 && state.first <= state.last;
+  if (closed_from >= 0 && has_any && state.last >= closed_from) {
+    TakeUpAgain(*session);
     return;
   }
   session->log.OnHeartbeat(state, now_ms);
 }
 
-// Whether the session was closed in the absence of a frontend that has more of it.
-//   from  the first number that the store did not get from it
-bool SubmapStore::HasMore(const SessionState& state, const stream_state_t& heartbeat, int64_t* from) {
-  if (heartbeat.first > heartbeat.last || heartbeat.first < 0) return false;  // it has nothing
-  const std::vector<GapRow> gaps = database_.Gaps(state.row);
-  if (gaps.empty() || gaps.back().reason != kClosedReason) return false;
-  *from = gaps.back().first_seq;
-  return heartbeat.last >= *from;
-}
-
-void SubmapStore::TakeUpAgain(const SessionState& state, int64_t from) {
+// The session was closed in the absence of a frontend that has more of it.
+void SubmapStore::TakeUpAgain(const SessionState& state) {
+  if (!state.uncommitted.empty()) return;  // when the end that was made for it is in the file
+  const int64_t from = state.log.ClosedFrom();
   try {
     SQLite::Transaction transaction(database_.Sql());
     for (const char* sql : {"DELETE FROM record WHERE session = ? AND seq >= ?",

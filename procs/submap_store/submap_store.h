@@ -88,8 +88,7 @@ class SubmapStore {
   void Write(SessionState* state);
   void AfterCommit(SessionState* state);
   bool IsConflict(const SessionState& state, const EncodedRecord& record);
-  bool HasMore(const SessionState& state, const stream_state_t& heartbeat, int64_t* from);
-  void TakeUpAgain(const SessionState& state, int64_t from);
+  void TakeUpAgain(const SessionState& state);
 
   SubmapStoreOptions options_;
   Database database_;

@@ -110,7 +110,7 @@ TEST_F(StreamConsumerTest, DeliversNothingThatTheStoreDoesNotHave) {
 TEST_F(StreamConsumerTest, ASessionOfADeadFrontendCanBeClosed) {
   TestProcess frontend([this] { RunFrontend(flight_, port_, folder_.File("outbox"), 10000, progress_); });
   ASSERT_TRUE(SpinUntil([&] { return delivered_.size() > 20; }));
-  const auto alive = client_->CloseSession(flight_.session, 300);
+  const auto alive = client_->CloseSession(flight_.session, 1500);
   ASSERT_TRUE(alive);
   EXPECT_EQ(alive->status, session_closed_t::STILL_ALIVE);
   frontend.Kill();
@@ -119,6 +119,22 @@ TEST_F(StreamConsumerTest, ASessionOfADeadFrontendCanBeClosed) {
   EXPECT_EQ(closed->status, session_closed_t::OK);
   EXPECT_TRUE(SpinUntil([&] { return HasEnded(); }, 10000));
   EXPECT_EQ(static_cast<int64_t>(delivered_.size()), closed->cumulative + 1);
+}
+
+TEST_F(StreamConsumerTest, WhoHasSeenTheEndOfASessionThatGoesOnMustStartAfresh) {
+  TestProcess frontend([this] { RunFrontend(flight_, port_, folder_.File("outbox"), 10000, progress_); });
+  ASSERT_TRUE(SpinUntil([&] { return delivered_.size() > 20; }));
+  frontend.Signal(SIGSTOP);  // as one whose link is cut
+  const auto closed = client_->CloseSession(flight_.session, 20000);
+  ASSERT_TRUE(closed);
+  ASSERT_EQ(closed->status, session_closed_t::OK);
+  ASSERT_TRUE(SpinUntil([&] { return HasEnded(); }, 20000));
+  frontend.Signal(SIGCONT);
+  EXPECT_THROW(SpinUntil([] { return false; }, 30000), std::runtime_error) << ReadWholeFile(log_);
+  Connect();
+  ASSERT_TRUE(SpinUntil([&] { return HasEnded(); }));
+  ExpectWholeFlight();
+  EXPECT_EQ(frontend.Wait(10000), 0);
 }
 
 TEST_F(StreamConsumerTest, RevisionsAreStoredAndReadBackByThoseWhoComeLater) {
