@@ -41,7 +41,8 @@ class StreamConsumerTest : public ::testing::Test {
     client_ = std::make_unique<StoreClient>(bus_.get(), "test-" + std::to_string(++num_consumers_));
     delivered_.clear();
     consumer_ = std::make_unique<StreamConsumer>(bus_.get(), client_.get(), [this](const Record& record) {
-      EXPECT_EQ(record.header.seq, static_cast<int64_t>(delivered_.size()));  // once, in order
+      // Once, in order, and all.
+      if (!may_have_holes_) EXPECT_EQ(record.header.seq, static_cast<int64_t>(delivered_.size()));
       delivered_.push_back(EncodeRecord(record).data);
     });
   }
@@ -70,6 +71,7 @@ class StreamConsumerTest : public ::testing::Test {
   SyntheticStreamOptions flight_;
   SharedProgress* progress_ = nullptr;
   int port_ = 0, num_consumers_ = 0;
+  bool may_have_holes_ = false;
   TestProcess hub_, store_;
   std::unique_ptr<Bus> bus_;
   std::unique_ptr<StoreClient> client_;
@@ -108,29 +110,32 @@ TEST_F(StreamConsumerTest, DeliversNothingThatTheStoreDoesNotHave) {
 }
 
 TEST_F(StreamConsumerTest, ASessionOfADeadFrontendCanBeClosed) {
-  TestProcess frontend([this] { RunFrontend(flight_, port_, folder_.File("outbox"), 10000, progress_); });
+  TestProcess frontend([this] { RunFrontend(flight_, port_, folder_.File("outbox"), 50000, progress_); });
   ASSERT_TRUE(SpinUntil([&] { return delivered_.size() > 20; }));
   const auto alive = client_->CloseSession(flight_.session, 1500);
   ASSERT_TRUE(alive);
   EXPECT_EQ(alive->status, session_closed_t::STILL_ALIVE);
   frontend.Kill();
-  const auto closed = client_->CloseSession(flight_.session, 10000);
+  may_have_holes_ = true;
+  const auto closed = client_->CloseSession(flight_.session, 20000);
   ASSERT_TRUE(closed);
   EXPECT_EQ(closed->status, session_closed_t::OK);
   EXPECT_TRUE(SpinUntil([&] { return HasEnded(); }, 10000));
-  EXPECT_EQ(static_cast<int64_t>(delivered_.size()), closed->cumulative + 1);
+  EXPECT_LE(static_cast<int64_t>(delivered_.size()), closed->cumulative + 1);  // less what was on its way
 }
 
 TEST_F(StreamConsumerTest, WhoHasSeenTheEndOfASessionThatGoesOnMustStartAfresh) {
   TestProcess frontend([this] { RunFrontend(flight_, port_, folder_.File("outbox"), 10000, progress_); });
   ASSERT_TRUE(SpinUntil([&] { return delivered_.size() > 20; }));
   frontend.Signal(SIGSTOP);  // as one whose link is cut
+  may_have_holes_ = true;    // what is on its way just now
   const auto closed = client_->CloseSession(flight_.session, 20000);
   ASSERT_TRUE(closed);
   ASSERT_EQ(closed->status, session_closed_t::OK);
   ASSERT_TRUE(SpinUntil([&] { return HasEnded(); }, 20000));
   frontend.Signal(SIGCONT);
   EXPECT_THROW(SpinUntil([] { return false; }, 30000), std::runtime_error) << ReadWholeFile(log_);
+  may_have_holes_ = false;
   Connect();
   ASSERT_TRUE(SpinUntil([&] { return HasEnded(); }));
   ExpectWholeFlight();
