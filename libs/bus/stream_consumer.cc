@@ -50,6 +50,7 @@ struct StreamConsumer::Impl {
   std::vector<std::unique_ptr<SessionState>> sessions;  // oldest first
   bool listed_once = false;
   Clock::time_point last_list;
+  std::optional<std::map<std::string, int64_t>> delivered_when_asked;  // for the list, while it is not answered
   int64_t num_refused = 0;
   std::vector<Subscription> subscriptions;
 
@@ -113,13 +114,21 @@ struct StreamConsumer::Impl {
     const auto now = Clock::now();
     if (listed_once && now - last_list < kListInterval) return;
     last_list = now;
+    if (!delivered_when_asked) {
+      delivered_when_asked.emplace();
+      for (const auto& session : sessions) (*delivered_when_asked)[session->id] = session->delivered;
+    }
     const auto reply = store->Fetch(fetch_t{}, kStoreTimeoutMs);
-    if (!reply || reply->status != fetched_t::OK) return;
+    if (!reply) return;
+    const std::map<std::string, int64_t> delivered = *std::exchange(delivered_when_asked, std::nullopt);
+    if (reply->status != fetched_t::OK) return;
     for (const cursor_t& cursor : reply->sessions) {
       if (!IsSessionId(cursor.session)) continue;
       SessionState* session = FindOrAdd(cursor.session);
       session->committed = std::max(session->committed, cursor.seq);
-      if (cursor.seq < session->delivered) RefuseToGoOn(*session);
+      // The answer may have waited for us, but it is younger than the question.
+      const auto known = delivered.find(cursor.session);
+      if (known != delivered.end() && cursor.seq < known->second) RefuseToGoOn(*session);
     }
     listed_once = true;  // until then no acks were heeded, so the order of sessions is the store's
   }
@@ -199,7 +208,10 @@ struct StreamConsumer::Impl {
                      decoded.record ? "names another record" : decoded.error);
         continue;
       }
-      session->ended = session->ended || std::holds_alternative<SessionEnded>(decoded.record->body);
+      if (std::holds_alternative<SessionEnded>(decoded.record->body)) {
+        session->ended = true;
+        session->asked.reset();  // an answer to what was asked before says nothing about what comes after
+      }
       handler(*decoded.record);
       ++num_delivered;
     }

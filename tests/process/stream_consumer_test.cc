@@ -42,7 +42,9 @@ class StreamConsumerTest : public ::testing::Test {
     delivered_.clear();
     consumer_ = std::make_unique<StreamConsumer>(bus_.get(), client_.get(), [this](const Record& record) {
       // Once, in order, and all.
-      if (!may_have_holes_) EXPECT_EQ(record.header.seq, static_cast<int64_t>(delivered_.size()));
+      if (!may_have_holes_) {
+        EXPECT_EQ(record.header.seq, static_cast<int64_t>(delivered_.size()));
+      }
       delivered_.push_back(EncodeRecord(record).data);
     });
   }
