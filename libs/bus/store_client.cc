@@ -9,6 +9,8 @@
 #include <mapmend/edge_request_t.hpp>
 #include <mapmend/fetch_t.hpp>
 #include <mapmend/fetched_t.hpp>
+#include <mapmend/progress_request_t.hpp>
+#include <mapmend/progress_t.hpp>
 #include <mapmend/revision_ack_t.hpp>
 #include <mapmend/revision_fetch_t.hpp>
 #include <mapmend/revision_fetched_t.hpp>
@@ -45,6 +47,7 @@ struct StoreClient::Impl {
   Requests<fetch_t, fetched_t> fetches;
   Requests<revision_fetch_t, revision_fetched_t> revision_fetches;
   Requests<close_session_t, session_closed_t> closings;
+  Requests<progress_request_t, progress_t> progress_requests;
   Requests<edge_request_t, edge_decisions_t> edge_requests;
   std::set<int32_t> unacknowledged;  // parts of the revision that is being stored
   int64_t storing_revision = -1;
@@ -56,6 +59,7 @@ struct StoreClient::Impl {
         fetches(b, requester, channels::kFetch, channels::kFetched),
         revision_fetches(b, requester, channels::kRevisionFetch, channels::kRevisionFetched),
         closings(b, requester, channels::kCloseSession, channels::kSessionClosed),
+        progress_requests(b, requester, channels::kProgressRequest, channels::kProgress),
         edge_requests(b, requester, channels::kEdgeRequest, channels::kEdgeDecisions) {
     revision_acks =
         bus->Subscribe<revision_ack_t>(channels::kRevisionAck, Delivery::kKeepAll, [this](const revision_ack_t& ack) {
@@ -90,6 +94,12 @@ std::optional<bow_result_t> StoreClient::Query(bow_query_t query, int timeout_ms
 
 std::optional<fetched_t> StoreClient::Fetch(fetch_t request, int timeout_ms) {
   return impl_->fetches.Ask(std::move(request), timeout_ms);
+}
+
+std::optional<progress_t> StoreClient::AskProgress(const std::string& session, int timeout_ms) {
+  progress_request_t request{};
+  request.session = session;
+  return impl_->progress_requests.Ask(std::move(request), timeout_ms);
 }
 
 std::optional<session_closed_t> StoreClient::CloseSession(const std::string& session, int timeout_ms) {

@@ -14,6 +14,7 @@ class edge_decision_t;
 class edge_decisions_t;
 class fetch_t;
 class fetched_t;
+class progress_t;
 class revision_t;
 class revision_part_t;
 class session_closed_t;
@@ -38,6 +39,8 @@ class StoreClient {
   // Adds decisions about connections to those that the store holds; returns all of them, in order. nullopt: no answer
   // in time.
   std::optional<edge_decisions_t> DecideEdges(const std::vector<edge_decision_t>& decisions, int timeout_ms = 10000);
+  // How far a session has come (progress_t.lcm). nullopt: no answer in time.
+  std::optional<progress_t> AskProgress(const std::string& session, int timeout_ms = 10000);
   // Ends a session whose frontend died (close_session_t.lcm). nullopt: no answer in time.
   std::optional<session_closed_t> CloseSession(const std::string& session, int timeout_ms = 10000);
 

@@ -3,6 +3,9 @@
 #include <sqlite3.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
 #include <stdexcept>
 
 #include "procs/submap_store/blob.h"
@@ -78,6 +81,31 @@ Database::Database(const std::string& path, Mode mode) : path_(path) {
   // A second connection checkpoints (Checkpointer): done inside commits it makes some of them wait for half a second.
   sql_->exec("PRAGMA wal_autocheckpoint = 0");
   Migrate(sql_.get());
+}
+
+void Database::CheckPlace() {
+  if (!guard_) return;
+  const FileGuard::Place place = guard_->Look();
+  if (place == FileGuard::Place::kSame) return;
+  const bool is_free = place == FileGuard::Place::kNone;
+  const std::string event =
+      path_ + ": was " + (is_free ? "removed" : "replaced by another file") + " while it was in use";
+  // The open file is all that is left of it.
+  const std::string copy = path_ + ".rescued";
+  std::remove(copy.c_str());
+  try {
+    SQLite::Statement vacuum(*sql_, "VACUUM INTO ?");
+    vacuum.bind(1, copy);
+    vacuum.exec();
+  } catch (const SQLite::Exception& e) {
+    throw FileGone(event + "; what was in it cannot be written anew (" + e.what() + ")", false);
+  }
+  if (!is_free) throw FileGone(event + "; what was in it is in " + copy, false);
+  // A log of the old file must not be taken for the new one's.
+  for (const char* suffix : {"-wal", "-shm"}) std::remove((path_ + suffix).c_str());
+  if (std::rename(copy.c_str(), path_.c_str()) != 0)
+    throw FileGone(event + "; what was in it is in " + copy + " (" + std::strerror(errno) + ")", false);
+  throw FileGone(event + "; what was in it has been written anew", true);
 }
 
 void Database::SetCommitHook(std::function<void()> hook) {

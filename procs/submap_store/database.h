@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,13 @@ struct GapRow {
   std::string reason;
 };
 
+// The database's file is no longer where it was opened. The process must end; if can_go_on, a new one finds all that
+// was committed under the old name.
+struct FileGone : std::runtime_error {
+  FileGone(const std::string& what, bool restored) : std::runtime_error(what), can_go_on(restored) {}
+  bool can_go_on;
+};
+
 // One open map database: the file, its locks and its prepared statements. Write-ahead log, synchronous FULL. One
 // thread.
 class Database {
@@ -44,6 +52,9 @@ class Database {
   Database(const std::string& path, Mode mode);
 
   const std::string& Path() const { return path_; }
+  // Throws FileGone if the file has been removed or replaced since it was opened. What was in it is then written anew:
+  // under its name if that is free, else under its name + ".rescued".
+  void CheckPlace();
   SQLite::Database& Sql() { return *sql_; }
   bool HasChecksums() const { return has_checksums_; }  // not in an older schema
 

@@ -57,7 +57,7 @@ std::string Inspect(int fd, const std::string& path) {
 
 }  // namespace
 
-FileGuard::FileGuard(const std::string& path, Access access) {
+FileGuard::FileGuard(const std::string& path, Access access) : path_(path) {
   const bool exclusive = access == Access::kExclusive;
   fd_ = open(path.c_str(), (exclusive ? O_RDWR | O_CREAT : O_RDONLY) | O_CLOEXEC, 0644);
   if (fd_ < 0) throw std::runtime_error(path + ": " + std::strerror(errno));
@@ -81,5 +81,13 @@ FileGuard::FileGuard(const std::string& path, Access access) {
 }
 
 FileGuard::~FileGuard() { close(fd_); }
+
+FileGuard::Place FileGuard::Look() const {
+  struct stat opened {
+  }, there{};
+  if (stat(path_.c_str(), &there) != 0) return errno == ENOENT || errno == ENOTDIR ? Place::kNone : Place::kSame;
+  const bool is_same = fstat(fd_, &opened) == 0 && opened.st_dev == there.st_dev && opened.st_ino == there.st_ino;
+  return is_same ? Place::kSame : Place::kOther;
+}
 
 }  // namespace mapmend

@@ -23,11 +23,15 @@ class FileGuard {
   // kShared: nobody writes it and no write-ahead log is left, so that SQLite need not make any files beside it to read
   // it.
   bool IsAtRest() const { return is_at_rest_; }
+  // Whether the path still leads to the file that was opened, to another one, or to none.
+  enum class Place { kSame, kOther, kNone };
+  Place Look() const;
 
  private:
   // Held to the end: closing any descriptor of the file would drop SQLite's own locks on it. So a FileGuard must
   // outlive the connections.
   int fd_ = -1;
+  const std::string path_;
   bool is_at_rest_ = false;
 };
 

@@ -6,6 +6,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "libs/bus/exit_codes.h"
 #include "libs/bus/process.h"
 #include "libs/command_line/command_line.h"
 #include "procs/submap_store/db_commands.h"
@@ -48,13 +49,19 @@ int Main(int argc, char** argv) {
   InstallSignalHandlers();
   auto store = Open(options);  // first: who cannot store must not be heard
   Bus bus(ResolveLcmUrl(process.lcm_url), process.channel_prefix);
-  for (;;) {
-    StoreAdapter adapter(&bus, store.get());
-    spdlog::info("submap_store: {} with {} keyframes", options.path, store->GetStatus(0).keyframes);
-    while (!StopRequested() && !store->MustReload()) adapter.Spin(10);
-    if (StopRequested()) return 0;
-    store.reset();
-    store = Open(options);
+  try {
+    for (;;) {
+      StoreAdapter adapter(&bus, store.get());
+      spdlog::info("submap_store: {} with {} keyframes", options.path, store->GetStatus(0).keyframes);
+      while (!StopRequested() && !store->MustReload()) adapter.Spin(10);
+      store->CheckPlace();
+      if (StopRequested()) return 0;
+      store.reset();
+      store = Open(options);
+    }
+  } catch (const FileGone& e) {
+    spdlog::error("{}", e.what());
+    return e.can_go_on ? 1 : kExitForGood;
   }
 }
 

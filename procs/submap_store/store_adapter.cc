@@ -35,6 +35,9 @@ StoreAdapter::StoreAdapter(Bus* bus, SubmapStore* store) : bus_(bus), store_(sto
                                    [this](const bow_query_t& query) { return store_->Query(query); });
   Serve<fetch_t, fetched_t>(channels::kFetch, channels::kFetched,
                             [this](const fetch_t& request) { return store_->Fetch(request); });
+  Serve<progress_request_t, progress_t>(
+      channels::kProgressRequest, channels::kProgress,
+      [this](const progress_request_t& request) { return store_->Progress(request); });
   Serve<edge_request_t, edge_decisions_t>(
       channels::kEdgeRequest, channels::kEdgeDecisions,
       [this](const edge_request_t& request) { return store_->edge_decisions()->Decide(request); });
@@ -102,6 +105,7 @@ void StoreAdapter::ReportHealth(int64_t now_ms) {
     health_.Tick();
     return;
   }
+  store_->CheckPlace();
   const SubmapStore::Status status = store_->GetStatus(now_ms);
   const double seconds = last_health_ms_ == 0 ? 1.0 : 1e-3 * static_cast<double>(now_ms - last_health_ms_);
   last_health_ms_ = now_ms;

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "procs/submap_store/db_commands.h"
+#include "procs/submap_store/session_progress.h"
 #include "procs/submap_store/submap_model.h"
 
 namespace mapmend {
@@ -16,14 +17,15 @@ constexpr int64_t kAckWithinMs = 2000;
 constexpr int32_t kMaxFetchBytes = 8 << 20;
 constexpr size_t kMaxOpenSessions = 256;  // that have sent nothing valid yet
 
-std::string Describe(const SQLite::Exception& e) {
+std::string Describe(const SQLite::Exception& e, const std::string& path) {
   switch (e.getErrorCode()) {
     case SQLITE_FULL:
-      return "disk full: nothing more is stored until there is room";
+      return "disk full: " + path + ": nothing more is stored until there is room";
     case SQLITE_IOERR:
-      return "the disk reports an error (" + std::string(e.what()) + "): nothing more is stored until it is gone";
+      return path + ": the disk reports an error (" + std::string(e.what()) +
+             "): nothing more is stored until it is gone";
     default:
-      return std::string("database: ") + e.what();
+      return path + ": database: " + e.what();
   }
 }
 
@@ -191,7 +193,7 @@ void SubmapStore::TakeUpAgain(const SessionState& state) {
     update->exec();
     transaction.commit();
   } catch (const SQLite::Exception& e) {
-    spdlog::error("{}: {}", options_.path, Describe(e));
+    spdlog::error("{}", Describe(e, options_.path));
     return;
   }
   spdlog::warn("{}: a session that was closed goes on: taken up again from record {}", options_.path, from);
@@ -295,8 +297,8 @@ std::vector<std::string> SubmapStore::CommitReady(int64_t now_ms) {
     for (const std::string& uuid : changed) Write(sessions_.at(uuid).get());
     transaction.commit();
   } catch (const SQLite::Exception& e) {
-    if (error_.empty()) spdlog::error("{}: {}", options_.path, Describe(e));
-    error_ = Describe(e);
+    if (error_.empty()) spdlog::error("{}", Describe(e, options_.path));
+    error_ = Describe(e, options_.path);
     retry_at_ms_ = now_ms + options_.retry_ms;
     return {};
   }
@@ -312,7 +314,7 @@ bool SubmapStore::WorkInBackground() {
   try {
     if (!writer.Step(&database_)) return true;
   } catch (const SQLite::Exception& e) {
-    spdlog::error("{}: {}", options_.path, Describe(e));
+    spdlog::error("{}", Describe(e, options_.path));
     return false;
   }
   for (const auto& [id, keyframe] : writer.submap().keyframes) {
@@ -384,6 +386,22 @@ fetched_t SubmapStore::Fetch(const fetch_t& request) {
                       DescribeChannel(channel), what);
       });
   reply.num_bytes = static_cast<int32_t>(reply.data.size());
+  return reply;
+}
+
+progress_t SubmapStore::Progress(const progress_request_t& request) {
+  progress_t reply{};
+  SessionState* state = Find(request.session);
+  const bool is_known = state != nullptr && state->row != 0;
+  if (is_known) {
+    reply = ReadProgress(&database_, state->row, *state->log.model(), geometry_);
+    reply.cumulative = state->log.Cumulative();
+    reply.ended = state->log.Ended() && state->uncommitted.empty() ? 1 : 0;
+  }
+  reply.status = is_known ? progress_t::OK : progress_t::UNKNOWN_SESSION;
+  reply.id = request.id;
+  reply.requester = request.requester;
+  reply.session = request.session;
   return reply;
 }
 

@@ -8,6 +8,8 @@
 #include <mapmend/close_session_t.hpp>
 #include <mapmend/fetch_t.hpp>
 #include <mapmend/fetched_t.hpp>
+#include <mapmend/progress_request_t.hpp>
+#include <mapmend/progress_t.hpp>
 #include <mapmend/session_closed_t.hpp>
 #include <mapmend/stream_state_t.hpp>
 #include <memory>
@@ -50,6 +52,8 @@ class SubmapStore {
   // True once a session that was closed in its frontend's absence has been taken up again, because the frontend turned
   // out to have more of it: this object is of no use any more, another one must be made of the file.
   bool MustReload() const { return must_reload_; }
+  // Throws FileGone if the file was removed or replaced. Call once a second.
+  void CheckPlace() { database_.CheckPlace(); }
   // Does a little of what can wait. True if there is more.
   bool WorkInBackground();
   // Of sessions heard of in the last two seconds.
@@ -59,6 +63,7 @@ class SubmapStore {
   // Requests.
   bow_result_t Query(const bow_query_t& query) { return search_.Query(query); }
   fetched_t Fetch(const fetch_t& request);
+  progress_t Progress(const progress_request_t& request);
   session_closed_t Close(const close_session_t& request, int64_t now_ms);
   RevisionStore* revisions() { return &revisions_; }
   EdgeDecisions* edge_decisions() { return &edge_decisions_; }

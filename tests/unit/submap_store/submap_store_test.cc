@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
+#include <fstream>
 
 #include "libs/bus/bus.h"
 #include "libs/bus/codec.h"
@@ -290,6 +292,73 @@ TEST_F(SubmapStoreTest, ClosesASessionWhoseFrontendDied) {
   EXPECT_EQ(store_->Close(request, now_ms_).cumulative, 11);  // again is harmless
   store_.reset();
   EXPECT_TRUE(CheckDb(folder_.File("map.db")).empty());
+}
+
+TEST_F(SubmapStoreTest, TellsHowFarASessionHasCome) {
+  const auto records = MakeSyntheticStream(options_);
+  progress_request_t request{};
+  request.session = options_.session;
+  Open();
+  EXPECT_EQ(store_->Progress(request).status, progress_t::UNKNOWN_SESSION);
+  // What the answer must be after each record, from the records themselves.
+  int32_t next_submap = 0, next_keyframe = 0, last_point = -1, open = -1, last_frame = -1;
+  for (size_t i = 0; i < records.size(); ++i) {
+    const RecordBody& body = records[i].body;
+    if (const auto* start = std::get_if<SubmapStarted>(&body)) next_submap = (open = start->submap.value) + 1;
+    if (std::holds_alternative<SubmapEnded>(body)) open = -1;
+    if (const auto* keyframe = std::get_if<KeyframeRecord>(&body)) {
+      next_keyframe = keyframe->keyframe.value + 1;
+      last_frame = std::max(last_frame, keyframe->frame);
+    }
+    if (const auto* update = std::get_if<MapUpdate>(&body)) {
+      for (const PointPosition& point : update->points) last_point = std::max(last_point, point.point.value);
+      for (const TrackedFrame& frame : update->frames) last_frame = std::max(last_frame, frame.frame);
+    }
+    Offer(records[i]);
+    Commit();
+    if (i % 7 == 0) Open();  // the same after a restart
+    const progress_t progress = store_->Progress(request);
+    ASSERT_EQ(progress.status, progress_t::OK);
+    EXPECT_EQ(progress.cumulative, static_cast<int64_t>(i));
+    EXPECT_EQ(progress.ended, i + 1 == records.size());
+    EXPECT_EQ(progress.next_submap, next_submap);
+    EXPECT_EQ(progress.next_keyframe, next_keyframe);
+    EXPECT_GT(progress.next_point, last_point);
+    EXPECT_EQ(progress.open_submap, open);
+    EXPECT_EQ(progress.last_frame, last_frame);
+    EXPECT_GE(progress.last_utime, records[0].header.utime);
+  }
+}
+
+TEST_F(SubmapStoreTest, ARemovedFileIsWrittenAnewAndAReplacedOneIsSavedBeside) {
+  const auto records = MakeSyntheticStream(options_);
+  const std::string path = folder_.File("map.db");
+  Open();
+  for (size_t i = 0; i < 10; ++i) Offer(records[i]);
+  Commit();
+  EXPECT_NO_THROW(store_->CheckPlace());
+  std::filesystem::remove(path);
+  try {
+    store_->CheckPlace();
+    FAIL() << "not noticed";
+  } catch (const FileGone& e) {
+    EXPECT_TRUE(e.can_go_on) << e.what();
+  }
+  Open();
+  EXPECT_EQ(store_->GetStatus(now_ms_).records, 10);
+  EXPECT_NO_THROW(store_->CheckPlace());
+
+  std::filesystem::rename(path, path + ".away");
+  std::ofstream(path) << "something else";
+  try {
+    store_->CheckPlace();
+    FAIL() << "not noticed";
+  } catch (const FileGone& e) {
+    EXPECT_FALSE(e.can_go_on);
+  }
+  EXPECT_EQ(std::filesystem::file_size(path), 14u);
+  store_.reset();
+  EXPECT_TRUE(CheckDb(path + ".rescued").empty());
 }
 
 TEST_F(SubmapStoreTest, QueryFindsTheSamePlaceInAnotherSubmap) {
