@@ -1,9 +1,11 @@
 #include "libs/bus/health.h"
 
+#include <pthread.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
 #include <chrono>
+#include <csignal>
 #include <fstream>
 #include <mapmend/health_t.hpp>
 #include <sstream>
@@ -11,14 +13,6 @@
 #include "libs/bus/channels.h"
 
 namespace mapmend {
-namespace {
-
-int64_t NowUs() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
-
-}  // namespace
 
 ProcessUsage ReadProcessUsage() {
   ProcessUsage usage;
@@ -41,54 +35,109 @@ ProcessUsage ReadProcessUsage() {
   return usage;
 }
 
-HealthReporter::HealthReporter(Bus* bus, const std::string& process) : buses_{bus}, process_(process) {}
+HealthReporter::HealthReporter(Bus* bus, const std::string& process)
+    : process_(process), buses_{bus}, last_sign_of_life_(Clock::now()) {
+  // Signals are for the owner's thread.
+  sigset_t all, before;
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &before);
+  thread_ = std::thread([this] { Run(); });
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+}
+
+HealthReporter::~HealthReporter() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+}
+
+void HealthReporter::AlsoTo(Bus* bus) {
+  const std::lock_guard lock(mutex_);
+  buses_.push_back(bus);
+}
+
+void HealthReporter::Run() {
+  constexpr auto kInterval = std::chrono::seconds(1);
+  std::unique_lock lock(mutex_);
+  while (!changed_.wait_for(lock, kInterval, [this] { return stop_; })) {
+    const health_t health = MakeMessage();
+    const std::vector<Bus*> buses = buses_;
+    lock.unlock();
+    for (Bus* bus : buses) bus->Publish(channels::kHealth, health);
+    lock.lock();
+  }
+}
 
 void HealthReporter::SetState(const std::string& state, const std::string& message) {
-  if (state == state_ && message == message_) return;
-  state_ = state;
-  message_ = message;
-  PublishNow();
+  std::unique_lock lock(mutex_);
+  last_sign_of_life_ = Clock::now();
+  if (state == current_.state && message == current_.message) return;
+  current_.state = state;
+  current_.message = message;
+  told_ = current_;
+  const health_t health = MakeMessage();
+  const std::vector<Bus*> buses = buses_;
+  lock.unlock();
+  for (Bus* bus : buses) bus->Publish(channels::kHealth, health);
 }
 
-void HealthReporter::SetCounter(const std::string& name, double value) { counters_[name] = value; }
+void HealthReporter::SetCounter(const std::string& name, double value) {
+  const std::lock_guard lock(mutex_);
+  current_.counters[name] = value;
+}
 
-void HealthReporter::SetCursor(const std::string& session, int64_t seq) { cursors_[session] = seq; }
+void HealthReporter::SetCursor(const std::string& session, int64_t seq) {
+  const std::lock_guard lock(mutex_);
+  current_.cursors[session] = seq;
+}
 
-void HealthReporter::SetQueueDepth(int depth) { queue_depth_ = depth; }
+void HealthReporter::SetQueueDepth(int depth) {
+  const std::lock_guard lock(mutex_);
+  current_.queue_depth = depth;
+}
 
 void HealthReporter::Tick() {
-  if (NowUs() - last_publish_us_ >= 1000000) PublishNow();
+  const std::lock_guard lock(mutex_);
+  last_sign_of_life_ = Clock::now();
+  told_ = current_;
 }
 
-void HealthReporter::PublishNow() {
-  last_publish_us_ = NowUs();
+health_t HealthReporter::MakeMessage() const {
   const ProcessUsage usage = ReadProcessUsage();
   health_t health{};
   health.process = process_;
   health.pid = getpid();
   health.version = MAPMEND_VERSION;
-  health.utime = last_publish_us_;
-  health.state = state_;
-  health.message = message_;
-  for (const auto& [session, seq] : cursors_) {
+  health.utime =
+      std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch())
+          .count();
+  health.state = told_.state;
+  health.message = told_.message;
+  for (const auto& [session, seq] : told_.cursors) {
     cursor_t cursor{};
     cursor.session = session;
     cursor.seq = seq;
     health.cursors.push_back(cursor);
   }
   health.num_cursors = static_cast<int32_t>(health.cursors.size());
-  health.queue_depth = queue_depth_;
+  health.queue_depth = told_.queue_depth;
   health.cpu_s = usage.cpu_s;
   health.rss_mb = usage.rss_mb;
   health.peak_rss_mb = usage.peak_rss_mb;
-  for (const auto& [name, value] : counters_) {
+  const auto add = [&](const std::string& name, double value) {
     counter_t counter{};
     counter.name = name;
     counter.value = value;
     health.counters.push_back(counter);
-  }
+  };
+  for (const auto& [name, value] : told_.counters) add(name, value);
+  const auto stalled = std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - last_sign_of_life_).count();
+  if (stalled > 0) add("stalled_s", static_cast<double>(stalled));
   health.num_counters = static_cast<int32_t>(health.counters.size());
-  for (Bus* bus : buses_) bus->Publish(channels::kHealth, health);
+  return health;
 }
 
 }  // namespace mapmend

@@ -1,7 +1,11 @@
 #pragma once
 
+#include <chrono>
+#include <condition_variable>
 #include <map>
+#include <mutex>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -9,28 +13,49 @@
 
 namespace mapmend {
 
-// Publishes health_t at 1 Hz, and at once when the state changes. Call Tick often.
+class health_t;
+
+// Publishes health_t at 1 Hz from a thread of its own, however busy its owner is, and at once when the state changes. A
+// process that is silent has been stopped or is starved; one that runs but whose work stands still is told by the
+// counter stalled_s: seconds since its owner last gave a sign of life. Thread-safe. The bus must outlive it.
 class HealthReporter {
  public:
   HealthReporter(Bus* bus, const std::string& process);
+  ~HealthReporter();
+  HealthReporter(const HealthReporter&) = delete;
+  HealthReporter& operator=(const HealthReporter&) = delete;
   // Publishes on this bus as well. It must outlive the reporter.
-  void AlsoTo(Bus* bus) { buses_.push_back(bus); }
+  void AlsoTo(Bus* bus);
 
   // state: starting, ready, busy, done, error
   void SetState(const std::string& state, const std::string& message = "");
   void SetCounter(const std::string& name, double value);
   void SetCursor(const std::string& session, int64_t seq);
   void SetQueueDepth(int depth);
+  // A sign of life: call in every loop, and now and then in long work.
   void Tick();
 
  private:
-  void PublishNow();
+  using Clock = std::chrono::steady_clock;
+  void Run();
+  health_t MakeMessage() const;  // with the lock held
+
+  const std::string process_;
+  mutable std::mutex mutex_;  // guards all below
+  std::condition_variable changed_;
   std::vector<Bus*> buses_;
-  std::string process_, state_ = "starting", message_;
-  std::map<std::string, double> counters_;
-  std::map<std::string, int64_t> cursors_;
-  int queue_depth_ = 0;
-  int64_t last_publish_us_ = 0;
+  struct Content {
+    std::string state = "starting", message;
+    std::map<std::string, double> counters;
+    std::map<std::string, int64_t> cursors;
+    int queue_depth = 0;
+  };
+  // What the owner has set, and what of it is told: as of its last sign of life, when all of it fitted together (a
+  // state and the cursors that it is true for).
+  Content current_, told_;
+  Clock::time_point last_sign_of_life_;
+  bool stop_ = false;
+  std::thread thread_;
 };
 
 // CPU seconds used so far and resident memory of this process, from /proc.
