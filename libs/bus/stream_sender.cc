@@ -10,6 +10,7 @@
 #include <mapmend/ack_t.hpp>
 #include <mapmend/stream_state_t.hpp>
 #include <mutex>
+#include <optional>
 #include <stdexcept>
 #include <thread>
 #include <utility>
@@ -44,7 +45,8 @@ struct StreamSender::Impl {
   int64_t queue_bytes = 0;
   int64_t last_seq = -1, acknowledged = -1;
   std::string store_error;
-  bool was_acknowledged = false;  // an ack has come over this connection
+  bool was_acknowledged = false;      // an ack has come over this connection
+  std::optional<int64_t> renumbered;  // by ContinueAfter; the sender's thread takes it over
 
   // Of the sender's thread.
   Outbox outbox;
@@ -105,6 +107,7 @@ struct StreamSender::Impl {
       EncodedRecord record;
       {
         const std::lock_guard<std::mutex> lock(mutex);
+        if (renumbered) last_kept = *std::exchange(renumbered, std::nullopt);
         if (queue.empty()) break;
         record = std::move(queue.front());
         queue.pop_front();
@@ -222,6 +225,13 @@ bool StreamSender::Flush(int timeout_ms) {
     }
   }
   return true;
+}
+
+void StreamSender::ContinueAfter(int64_t seq) {
+  const std::lock_guard<std::mutex> lock(impl_->mutex);
+  if (impl_->acknowledged < impl_->last_seq) throw std::logic_error("StreamSender::ContinueAfter: records wait");
+  impl_->last_seq = impl_->acknowledged = seq;
+  impl_->renumbered = seq;
 }
 
 int64_t StreamSender::LastSeq() const {

@@ -36,6 +36,10 @@ class StreamSender {
   // Waits until all is acknowledged, or timeout_ms have passed without any progress. True if all is acknowledged.
   bool Flush(int timeout_ms);
 
+  // Numbering goes on after seq: what the store has, if the outbox no longer tells; -1: from the start. Only while
+  // nothing waits to be acknowledged.
+  void ContinueAfter(int64_t seq);
+
   int64_t LastSeq() const;
   int64_t AcknowledgedSeq() const;  // cumulative, -1: none
   std::string StoreError() const;   // last error the store reported in its acks, e.g. "disk full"

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <utility>
 
 #include "libs/geometry/triangulation.h"
 #include "libs/retrieval/vocabulary.h"
@@ -233,6 +234,7 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
       outcome.cam_from_submap = frame->cam_from_submap;
     } else {
       NoteFrame(*frame, result.reference_keyframe);
+      PublishWaitingFrames(frame->utime);
     }
     if (!confirmed_ && frames_since_start_ >= options_.confirm_frames) {
       WaitForMapping();
@@ -426,6 +428,20 @@ void Frontend::EmitRecords(std::vector<std::pair<int64_t, RecordBody>> records) 
 }
 
 void Frontend::Publish(int64_t utime) { EmitRecords(TakeRecords(utime, map_->LastKeyframe())); }
+
+// Without what else has changed: that goes with the next keyframe.
+void Frontend::PublishWaitingFrames(int64_t utime) {
+  if (!confirmed_ || first_unpublished_keyframe_ == 0 || tracked_frames_.empty()) return;
+  const bool has_many = static_cast<int>(tracked_frames_.size()) >= options_.max_waiting_frames;
+  const bool has_old =
+      mapping_ && static_cast<double>(utime - tracked_frames_.front().utime) >= 1e6 * options_.max_waiting_s;
+  // A keyframe at hand publishes them anyway, and records must not be emitted by two threads at a time.
+  if ((!has_many && !has_old) || (mapping_ && mapping_->NumUnfinished() > 0)) return;
+  MapUpdate update;
+  update.submap = map_->Id();
+  update.frames = std::exchange(tracked_frames_, {});
+  emit_(utime, std::move(update));
+}
 
 void Frontend::Finish() {
   const Locked locked(&lock_);

@@ -36,6 +36,10 @@ struct FrontendOptions {
   int confirm_frames = 2;          // frames that must be tracked in a new submap before it is believed
   bool mapping_thread = false;     // keyframes join the map while tracking goes on: fast, but the map depends on timing
   int max_unmapped_keyframes = 2;  // with mapping_thread: when more are not finished, tracking waits
+  // Frames that no keyframe follows (hovering) are published when so many wait, or, with mapping_thread, when the first
+  // of them is so old: what was tracked must not be lost with the frontend.
+  int max_waiting_frames = 30;
+  double max_waiting_s = 0.4;
 };
 
 enum class FrontendState { kInitialising, kTracking, kLost };
@@ -68,6 +72,8 @@ class Frontend {
   Frontend(const FrontendOptions& options, const Pinhole& camera, const Pyramid& pyramid, const Vocabulary* vocabulary,
            Emit emit);
 
+  // Before the first frame: ids that an earlier frontend of the same session has used are not used again.
+  void ContinueAfter(const IdSource& ids) { ids_ = ids; }
   // With a mapping thread, throws what that threw.
   FrameOutcome ProcessFrame(const FramePtr& frame);
   // Closes the current submap at the end of the input.
@@ -98,6 +104,7 @@ class Frontend {
   std::vector<std::pair<int64_t, RecordBody>> TakeRecords(int64_t utime, int last_keyframe);
   void EmitRecords(std::vector<std::pair<int64_t, RecordBody>> records);
   void Publish(int64_t utime);
+  void PublishWaitingFrames(int64_t utime);
   std::optional<Rigid3> Predict(int64_t utime) const;
   TrackResult TrackAfterwards(const std::vector<int>& hints, Frame* frame);
   bool IsJump(const Frame& frame) const;

@@ -62,6 +62,13 @@ int main(int argc, char** argv) {
                  "at the end, how long to wait without progress for a lost link or a silent store, seconds")
       ->check(CLI::Range(0, 1000000))
       ->capture_default_str();
+  app.add_flag(
+      "--resume", options.resume,
+      "an earlier frontend of this session may have died: ask the store how far it came, and go on from there");
+  app.add_option("--continues", options.continues,
+                 "session of the same flight that has ended; frames before --first-frame are in it");
+  app.add_option("--first-frame", options.first_frame, "of a file: those before are passed over")
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--vehicle", options.vehicle, "name of the vehicle, for the record");
   app.add_option("--lost-frames", options.frontend.max_lost_frames,
                  "consecutive frames without orientation that end a submap")

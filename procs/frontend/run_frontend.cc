@@ -28,6 +28,8 @@
 #include "procs/frontend/frame_queue.h"
 #include "procs/frontend/live_images.h"
 #include "procs/frontend/profiler.h"
+#include "procs/frontend/resume.h"
+#include "procs/frontend/resumed_images.h"
 #include "procs/frontend/run_options.h"
 
 namespace mapmend {
@@ -74,17 +76,21 @@ std::unique_ptr<LiveStream> OpenLive(const RunOptions& options, const Camera& ca
 class Input {
  public:
   // file: null for a camera.
-  Input(const RunOptions& options, const Camera& camera, std::unique_ptr<ImageSource> file) : file_(std::move(file)) {
+  Input(const RunOptions& options, const Camera& camera, std::unique_ptr<ImageSource> file, const ResumePoint& resume)
+      : file_(std::move(file)) {
     if (!file_) live_ = OpenLive(options, camera);
+    base_ = live_ ? static_cast<ImageStream*>(live_.get()) : file_.get();
+    if (resume.is_resumed || options.first_frame > 0) {
+      resumed_ = std::make_unique<ResumedImages>(
+          base_, ResumedImages::Start{live_ != nullptr, options.first_frame, resume.last_frame, resume.last_utime});
+      base_ = resumed_.get();
+    }
     if (options.mode == InputMode::kRealtime)
-      paced_ = std::make_unique<PacedImages>(file_.get(), options.speed, options.max_waiting);
+      paced_ = std::make_unique<PacedImages>(base_, options.speed, options.max_waiting);
   }
-  ImageStream* Stream() const {
-    if (live_) return live_.get();
-    if (paced_) return paced_.get();
-    return file_.get();
-  }
+  ImageStream* Stream() const { return paced_ ? paced_.get() : base_; }
   int NumFrames() const { return file_ ? file_->NumFrames() : 0; }  // 0: nobody knows
+  int NumPassed() const { return resumed_ ? resumed_->NumPassed() : 0; }
   int FramesHint() const { return file_ ? file_->FramesHint() : 0; }
   int NumLeftOut() const { return file_ ? file_->GetLeftOut().Count() : 0; }
   int64_t NumBad() const { return live_ ? live_->NumBad() : 0; }
@@ -101,7 +107,9 @@ class Input {
  private:
   std::unique_ptr<LiveStream> live_;
   std::unique_ptr<ImageSource> file_;
-  std::unique_ptr<PacedImages> paced_;  // reads file_
+  std::unique_ptr<ResumedImages> resumed_;  // reads one of them
+  ImageStream* base_ = nullptr;             // the last of these three
+  std::unique_ptr<PacedImages> paced_;      // reads base_
 };
 
 std::unique_ptr<ImageSource> OpenFiles(const RunOptions& options, const Camera& camera) {
@@ -280,11 +288,21 @@ int RunFrontend(const RunOptions& options) {
   Frontend frontend(frontend_options, camera.Ideal(), pyramid, &vocabulary,
                     [&](int64_t utime, RecordBody body) { sender.Append(utime, std::move(body)); });
 
+  const ResumePoint resume = FindResumePoint(options, session, &sender, &health);
+  if (resume.ended) {
+    health.SetCursor(session, sender.LastSeq());
+    health.SetState("done", "session " + session + " is complete already");
+    return 0;
+  }
+  if (resume.is_resumed) frontend.ContinueAfter(resume.ids);
+  EndOpenSubmap(resume, &sender);
   EventLog events(options.events_path, "frontend");
   FlightDiary diary(&events, &health);
 
   // Last of all: a camera or a clock does not wait.
-  const Input input(options, input_camera, std::move(file));
+  const Input input(options, input_camera, std::move(file), resume);
+  // Of this session, before this frontend.
+  const auto num_before = [&] { return is_live ? resume.last_frame + 1 : input.NumPassed(); };
   FrameQueue queue(input.Stream(), &maker, options.mode == InputMode::kLockstep ? 3 : 1);
   health.SetCounter("frames_total", input.FramesHint());
   health.SetCounter("live", is_live);
@@ -292,10 +310,10 @@ int RunFrontend(const RunOptions& options) {
   std::vector<double> track_ms;
   const auto begin = std::chrono::steady_clock::now();
   int num_frames = 0;
-  int64_t last_utime = 0, num_unseen = 0;
+  int64_t last_utime = resume.last_utime, num_unseen = 0;
   const auto report = [&] {
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    health.SetCounter("frames", num_frames);
+    health.SetCounter("frames", num_before() + num_frames);
     health.SetCounter("frames_dropped", static_cast<double>(input.Stream()->NumDropped()));
     health.SetCounter("frames_left_out", input.NumLeftOut());
     health.SetCounter("bad_messages", static_cast<double>(input.NumBad()));
@@ -325,7 +343,7 @@ int RunFrontend(const RunOptions& options) {
     if (num_frames++ == 0) {
       const SessionStarted started = DescribeSession(options, camera, pyramid, vocabulary, input.NumFrames());
       diary.OnStart(session, started.source, camera.width, camera.height);
-      sender.Append(frame->utime, started);
+      if (!resume.is_resumed) sender.Append(frame->utime, started);
     }
     last_utime = frame->utime;
     num_unseen += frame->num_unseen;
@@ -344,10 +362,11 @@ int RunFrontend(const RunOptions& options) {
   }
   // To be stopped is how a live flight ends.
   const bool cut_off = StopRequested() && !is_live;
-  if (num_frames == 0 && !cut_off) throw std::runtime_error(ExplainNoFrame(options, input));
+  const bool goes_on = resume.is_resumed || !options.continues.empty();
+  if (num_frames == 0 && !cut_off && !goes_on) throw std::runtime_error(ExplainNoFrame(options, input));
   frontend.Finish();
-  if (num_frames > 0) sender.Append(last_utime, SessionEnded{num_frames});
-  diary.OnEnd(num_frames, frontend.NumTracked(), input.Stream()->NumDropped());
+  if (num_frames > 0 || resume.is_resumed) sender.Append(last_utime, SessionEnded{num_before() + num_frames});
+  diary.OnEnd(num_before() + num_frames, frontend.NumTracked(), input.Stream()->NumDropped());
   report();
   health.SetCounter("track_ms_median", Percentile(track_ms, 0.5));
   health.SetCounter("track_ms_p95", Percentile(track_ms, 0.95));

@@ -27,6 +27,10 @@ std::string ToJson(const RunOptions& options) {
   if (std::isfinite(options.end_s)) json["end_s"] = options.end_s;
   if (options.mode != InputMode::kLockstep) json["mode"] = ModeName(options.mode);
   if (!options.mask_path.empty()) json["mask"] = SessionIdFromText(ReadFile(options.mask_path));
+  if (!options.continues.empty()) {
+    json["continues"] = options.continues;
+    json["first_frame"] = options.first_frame;
+  }
   return json.dump();
 }
 

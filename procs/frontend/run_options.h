@@ -39,6 +39,9 @@ struct RunOptions {
   int max_waiting = 3;  // kRealtime, kLive: images that may wait for the frontend
   // At the end of the flight: so long without progress it waits for a link or a silent store, seconds.
   int deliver_timeout_s = 300;
+  bool resume = false;    // an earlier frontend of the session may have died: ask the store how far it came
+  std::string continues;  // an ended session of the same flight, whose frames before first_frame are in the map
+  int first_frame = 0;    // of a file: those before are passed over
   FrontendOptions frontend;
 };
 
