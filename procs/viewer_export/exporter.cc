@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
+#include <functional>
 #include <stdexcept>
 #include <system_error>
 #include <vector>
@@ -118,30 +119,38 @@ void PrepareDirectory(const std::string& dir) {
   fs::remove(probe, error);
 }
 
-void ExportAll(const MapModel& model, const GroundTruth* ground_truth, const std::string& dir_name) {
+std::vector<std::string> ExportAll(const MapModel& model, const GroundTruth* ground_truth,
+                                   const std::string& dir_name) {
   const fs::path dir = dir_name;
-  PrepareDirectory(dir_name);
+  std::vector<std::string> problems;
+  const auto attempt = [&](const std::function<void()>& write) {
+    try {
+      write();
+    } catch (const std::runtime_error& e) {
+      problems.emplace_back(e.what());
+    }
+  };
+  attempt([&] { PrepareDirectory(dir_name); });
   const Snapshot snapshot = MakeSnapshot(model);
   EvaluatedMap evaluated;
   evaluated.ground_truth = ground_truth;
   if (ground_truth != nullptr) evaluated.evaluation = EvaluateMap(snapshot, *ground_truth);
-  if (snapshot.components.empty()) {
-    ExportNothing(dir);
-  } else {
-    ExportColmap(snapshot, dir / "colmap");
-  }
+  attempt([&] { snapshot.components.empty() ? ExportNothing(dir) : ExportColmap(snapshot, dir / "colmap"); });
   std::vector<int> others;
   for (int c = 0; c < static_cast<int>(snapshot.components.size()); ++c) {
-    ExportComponent(snapshot, c, evaluated, c == 0 ? dir : dir / "components" / std::to_string(c));
+    attempt([&] { ExportComponent(snapshot, c, evaluated, c == 0 ? dir : dir / "components" / std::to_string(c)); });
     if (c > 0) others.push_back(c);
   }
   RemoveStale(dir / "components", others);
-  ExportSubmaps(snapshot, dir / "submaps");
-  WriteFile((dir / "graph.dot").string(), MakeGraphDot(snapshot));
-  WriteFile((dir / "graph.svg").string(), MakeGraphSvg(snapshot));
-  WriteFile((dir / "summary.json").string(),
-            MakeSummaryJson(snapshot, ground_truth != nullptr ? &evaluated.evaluation : nullptr, ground_truth));
-  RebuildReport(dir_name);
+  attempt([&] { ExportSubmaps(snapshot, dir / "submaps"); });
+  attempt([&] { WriteFile((dir / "graph.dot").string(), MakeGraphDot(snapshot)); });
+  attempt([&] { WriteFile((dir / "graph.svg").string(), MakeGraphSvg(snapshot)); });
+  attempt([&] {
+    WriteFile((dir / "summary.json").string(),
+              MakeSummaryJson(snapshot, ground_truth != nullptr ? &evaluated.evaluation : nullptr, ground_truth));
+  });
+  attempt([&] { RebuildReport(dir_name); });
+  return problems;
 }
 
 void RebuildReport(const std::string& dir_name) {

@@ -127,7 +127,15 @@ void Viewer::Impl::ExportIfComplete() {
   exported_version = model.Version();
   if (!options.out.empty()) {
     const auto start = Clock::now();
-    ExportAll(model, TruthOrNull(), options.out);
+    const std::vector<std::string> problems = ExportAll(model, TruthOrNull(), options.out);
+    for (const std::string& problem : problems) spdlog::error("viewer_export: {}", problem);
+    health.SetCounter("exports_failed", static_cast<double>(problems.size()));
+    if (!problems.empty()) {
+      health.SetState(
+          "done", problems.front() +
+                      (problems.size() == 1 ? "" : " (and " + std::to_string(problems.size() - 1) + " other exports)"));
+      return;
+    }
     spdlog::info("viewer_export: revision {} written to {} in {:.2f} s", model.Revision().revision, options.out,
                  std::chrono::duration<double>(Clock::now() - start).count());
   }

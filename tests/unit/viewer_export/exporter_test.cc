@@ -238,6 +238,17 @@ TEST_F(ExporterTest, AFlightWithoutAnySubmapIsReported) {
   EXPECT_TRUE(fs::exists(dir_ / "frames.tum"));
 }
 
+TEST_F(ExporterTest, OneExportThatCannotBeWrittenDoesNotEndTheOthers) {
+  fs::create_directories(dir_);
+  WriteFile((dir_ / "colmap").string(), "where a folder is wanted");
+  const std::vector<std::string> problems =
+      ExportAll(MakeModel(TestFlight(TestFlightOptions())), nullptr, dir_.string());
+  ASSERT_EQ(problems.size(), 1u);
+  EXPECT_THAT(problems.front(), HasSubstr((dir_ / "colmap").string()));
+  for (const char* file : {"frames.tum", "map.ply", "graph.svg", "summary.json", "report.html"})
+    EXPECT_TRUE(fs::exists(dir_ / file)) << file;
+}
+
 TEST_F(ExporterTest, AnUnusableDirectoryIsOneClearLine) {
   WriteFile(dir_.string(), "a file");
   try {
