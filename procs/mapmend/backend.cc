@@ -1,5 +1,8 @@
 #include "procs/mapmend/backend.h"
 
+#include <unistd.h>
+
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
@@ -16,7 +19,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
-constexpr const char* kServices[] = {"submap_store", "merger", "viewer_export"};
+constexpr const char* kLauncher = "mapmend";
+constexpr const char* kWatched[] = {"submap_store", "merger", "viewer_export", "frontend"};
 
 std::string LogFolder(const BackendOptions& options) {
   return options.logs.empty() ? options.out + "/logs" : options.logs;
@@ -47,16 +51,20 @@ std::string FindHubUrl(const std::string& log_path, long from) {
 Backend::Backend(const BackendOptions& options)
     : options_(options),
       redirection_(std::make_unique<StderrRedirection>(LogFolder(options) + "/mapmend.log")),
-      supervisor_(MakeSupervisorOptions(options)) {
+      supervisor_(MakeSupervisorOptions(options)),
+      watchdog_(options.watchdog) {
   ProcessOptions logging;
   logging.log_level = options_.log_level;
   ApplyLogLevel(logging);  // into that file
   BusPlan plan = PlanBus(options_.lcm_url);
   if (!options_.hub_bind.empty()) plan.hub_bind = options_.hub_bind;
   url_ = plan.url;
+  has_own_hub_ = plan.start_hub;
   if (plan.start_hub) StartHub(plan.hub_port, plan.hub_bind);
   bus_ = std::make_unique<Bus>(url_, options_.channel_prefix);
   monitor_ = std::make_unique<HealthMonitor>(bus_.get());
+  reporter_ = std::make_unique<HealthReporter>(bus_.get(), kLauncher);
+  reporter_->SetState("ready");
   if (!options_.with_store) return;
   if (!plan.start_hub) RefuseSharedStore();
 
@@ -64,6 +72,11 @@ Backend::Backend(const BackendOptions& options)
   StartProcess("submap_store", {FindProgram("submap_store"), "--db", db, "--vocabulary-hash", options_.vocabulary_hash},
                OnExit::kRestart);
   WaitUntilReady("submap_store");
+  if (options_.when_stored) options_.when_stored(this);
+  StartMergerAndViewer();
+}
+
+void Backend::StartMergerAndViewer() {
   if (options_.with_merger) {
     std::vector<std::string> merger = {FindProgram("merger"), "--vocabulary", options_.vocabulary};
     if (options_.seed) merger.insert(merger.end(), {"--seed", std::to_string(*options_.seed)});
@@ -76,7 +89,7 @@ Backend::Backend(const BackendOptions& options)
     viewer.insert(viewer.end(), {"--groundtruth", std::filesystem::absolute(options_.groundtruth).string()});
     viewer.insert(viewer.end(), options_.groundtruth_arguments.begin(), options_.groundtruth_arguments.end());
   }
-  if (options_.with_viewer) StartProcess("viewer_export", viewer, OnExit::kRestart);
+  if (options_.with_viewer) StartProcess("viewer_export", viewer, OnExit::kRestart, true);
   if (options_.with_merger) WaitUntilReady("merger");
   if (options_.with_viewer) WaitUntilReady("viewer_export");
 }
@@ -116,10 +129,10 @@ void Backend::RefuseSharedStore() {
   }
 }
 
-void Backend::StartProcess(const std::string& name, std::vector<std::string> argv, OnExit on_exit) {
+void Backend::StartProcess(const std::string& name, std::vector<std::string> argv, OnExit on_exit, bool is_optional) {
   argv.insert(argv.end(), {"--lcm-url", url_, "--log-level", options_.log_level});
   if (!options_.channel_prefix.empty()) argv.insert(argv.end(), {"--channel-prefix", options_.channel_prefix});
-  supervisor_.Start({name, argv, on_exit});
+  supervisor_.Start({name, argv, on_exit, is_optional});
 }
 
 void Backend::WaitUntilReady(const std::string& name) {
@@ -137,24 +150,76 @@ void Backend::WaitUntilReady(const std::string& name) {
 void Backend::Tick(int timeout_ms) {
   bus_->Handle(timeout_ms);
   if (StopRequested()) throw Interrupted();
-  for (const char* name : kServices) {
+  if (reporter_) reporter_->Tick();
+  for (const char* name : kWatched) {
     const HealthMonitor::Entry* health = Health(name);
-    if (health == nullptr) continue;
-    if (health->state != "starting" && health->state != "error") supervisor_.MarkReady(name, health->pid);
-    if (Clock::now() - health->received > milliseconds(options_.silent_timeout_ms)) {
-      supervisor_.KillHung(name);
-      monitor_->Forget(name, health->pid);
+    if (health != nullptr && health->state != "starting" && health->state != "error")
+      supervisor_.MarkReady(name, health->pid);
+  }
+  LookForHung();
+  TellStoreErrors();
+  supervisor_.Tick();
+  for (const std::string& line : supervisor_.TakeNotices()) Tell(line);
+}
+
+// Whoever is silent may only be unheard: as long as the hub does not bring back what the launcher itself says, and
+// while the launcher stood still itself, nobody's silence counts but the hub's.
+void Backend::LookForHung() {
+  const auto now = Watchdog::Clock::now();
+  constexpr milliseconds kAbsent(2000), kRoundTrip(3000);
+  if (now - last_tick_ > kAbsent) listening_since_ = now;
+  last_tick_ = now;
+  const HealthMonitor::Entry* own = monitor_->Find(kLauncher, getpid());
+  const bool hub_works = own != nullptr && now - own->received < kRoundTrip;
+  if (has_own_hub_) {
+    const pid_t pid = supervisor_.Pid("hub");
+    auto since = std::max(listening_since_, supervisor_.Started("hub"));
+    if (own != nullptr) since = std::max(since, own->received);
+    if (const std::string why = watchdog_.Judge(pid, since, true, 0); !why.empty()) {
+      Tell("hub hangs (" + why + "); it is replaced");
+      supervisor_.KillHung("hub");
     }
   }
-  supervisor_.Tick();
+  if (!hub_works) {
+    heard_since_ = now;
+    return;
+  }
+  for (const char* name : kWatched) {
+    const pid_t pid = WasStarted(name) ? supervisor_.Pid(name) : -1;
+    if (pid < 0) continue;
+    const HealthMonitor::Entry* health = monitor_->Find(name, pid);
+    auto since = std::max({listening_since_, heard_since_, supervisor_.Started(name)});
+    if (health != nullptr) since = std::max(since, health->received);
+    const std::string why = watchdog_.Judge(pid, since, health != nullptr, CounterOr(health, "stalled_s", 0));
+    if (why.empty()) continue;
+    Tell(std::string(name) + " hangs (" + why + "); it is replaced");
+    supervisor_.KillHung(name);
+    monitor_->Forget(name, pid);
+  }
+}
+
+void Backend::Tell(const std::string& line) const {
+  if (options_.tell) options_.tell(line);
+}
+
+// A full disk and the like: what waits is kept by the frontend meanwhile.
+void Backend::TellStoreErrors() {
+  const HealthMonitor::Entry* store = Health("submap_store");
+  if (store == nullptr) return;
+  const std::string error = store->state == "error" ? store->message : "";
+  if (error == store_error_) return;
+  store_error_ = error;
+  Tell(error.empty() ? "submap_store: storing again" : error);
+}
+
+bool Backend::WasStarted(const std::string& name) const {
+  const auto usage = supervisor_.Usage();
+  return std::any_of(usage.begin(), usage.end(), [&](const auto& process) { return process.first == name; });
 }
 
 const HealthMonitor::Entry* Backend::Health(const std::string& name) const {
   // Names that were not started have no pid to ask for.
-  for (const auto& [started, usage] : supervisor_.Usage()) {
-    if (started == name) return monitor_->Find(name, supervisor_.Pid(name));
-  }
-  return nullptr;
+  return WasStarted(name) ? monitor_->Find(name, supervisor_.Pid(name)) : nullptr;
 }
 
 const HealthMonitor::Entry* Backend::LastWord(const std::string& name, pid_t pid) {
@@ -175,14 +240,31 @@ bool Backend::IsFinished(const std::string& session, int64_t last_seq) const {
   };
   const HealthMonitor::Entry* merger = Health("merger");
   const HealthMonitor::Entry* viewer = Health("viewer_export");
-  if ((options_.with_merger && !done(merger)) || (options_.with_viewer && !done(viewer))) return false;
-  if (!options_.with_merger || !options_.with_viewer) return true;
+  if (options_.with_merger && supervisor_.IsFailing("merger")) {
+    throw std::runtime_error(supervisor_.LastEnd("merger") + "; the flight is in the database: `mapmend merge " +
+                             options_.out + "` tries again to make its map");
+  }
+  const bool with_viewer = options_.with_viewer && !supervisor_.IsFailing("viewer_export");
+  if ((options_.with_merger && !done(merger)) || (with_viewer && !done(viewer))) return false;
+  if (!options_.with_merger || !with_viewer) return true;
   // The viewer may be done with an earlier revision when a flight is appended to a map.
   return CounterOr(viewer, "revision", -1) >= CounterOr(merger, "revision", -1) ||
          CounterOr(viewer, "revision", -1) < 0;
 }
 
+void Backend::HurryRestarts() {
+  for (const auto& [name, usage] : supervisor_.Usage()) supervisor_.RestartNow(name);
+}
+
+std::string Backend::ExportProblem() const {
+  if (!options_.with_viewer) return {};
+  if (supervisor_.IsFailing("viewer_export")) return supervisor_.LastEnd("viewer_export");
+  const HealthMonitor::Entry* viewer = Health("viewer_export");
+  return CounterOr(viewer, "exports_failed", 0) > 0 ? viewer->message : "";
+}
+
 std::vector<std::pair<std::string, ResourceUsage>> Backend::StopAll() {
+  reporter_.reset();
   monitor_.reset();
   bus_.reset();  // before the hub goes
   supervisor_.StopAll();

@@ -1,16 +1,22 @@
 #pragma once
 
+#include <chrono>
 #include <exception>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 
 #include "libs/bus/bus.h"
+#include "libs/bus/health.h"
 #include "procs/mapmend/health_monitor.h"
 #include "procs/mapmend/stderr_redirection.h"
 #include "procs/mapmend/supervisor.h"
+#include "procs/mapmend/watchdog.h"
 
 namespace mapmend {
+
+class Backend;
 
 // Ctrl-C or SIGTERM.
 struct Interrupted : std::exception {
@@ -35,11 +41,16 @@ struct BackendOptions {
   std::string hub_bind;        // address that a hub of our own listens on; empty: as lcm_url says
   std::string hub_token_file;  // what processes of other hosts must show to that hub; empty: none
   int ready_timeout_ms = 60000;
-  int silent_timeout_ms = 300000;  // a process whose health is silent for so long has hung
+  WatchdogOptions watchdog;
+  // Called when hub and store are ready, before merger and viewer are started: what lies in the folder is put in order
+  // then.
+  std::function<void(Backend*)> when_stored;
+  std::function<void(const std::string&)> tell;  // lines for the user while it runs: restarts, a full disk
 };
 
 // The processes behind a camera or a log: hub, store, merger, viewer; started in this order, each when the one before
-// is ready (or has told why it cannot be), kept alive, and stopped in reverse order.
+// is ready (or has told why it cannot be), kept alive (started again when they end or hang), and stopped in reverse
+// order.
 class Backend {
  public:
   // Returns once all are ready. Throws std::runtime_error with the line of the process that failed, or Interrupted.
@@ -49,12 +60,20 @@ class Backend {
   // Dispatches the bus for up to timeout_ms and looks after the processes. Throws as the constructor does.
   void Tick(int timeout_ms);
   // Starts one more process on the same bus: argv gets --lcm-url, --channel-prefix and --log-level added.
-  void StartProcess(const std::string& name, std::vector<std::string> argv, OnExit on_exit);
-  // True once merger and viewer (those of them that were started) have finished the whole of a session.
+  void StartProcess(const std::string& name, std::vector<std::string> argv, OnExit on_exit, bool is_optional = false);
+  // True once merger and viewer (those of them that were started) have finished the whole of a session. A viewer that
+  // keeps failing is not waited for. Throws std::runtime_error if the merger keeps failing.
   //   last_seq  its last record, -1 if unknown
   bool IsFinished(const std::string& session, int64_t last_seq) const;
+  // The flight is over: processes that wait for their next start are started now.
+  void HurryRestarts();
+  // Why the exports are not all there; empty if they are, or none were wanted.
+  std::string ExportProblem() const;
+  // A line for the user, now.
+  void Tell(const std::string& line) const;
 
   const std::string& Url() const { return url_; }
+  const std::string& ChannelPrefix() const { return options_.channel_prefix; }
   Bus* bus() { return bus_.get(); }
   Supervisor* supervisor() { return &supervisor_; }
   // Health of our own process of that name; nullptr before its first word.
@@ -68,6 +87,10 @@ class Backend {
   void StartHub(int port, const std::string& bind);
   void WaitUntilReady(const std::string& name);
   void RefuseSharedStore();
+  void StartMergerAndViewer();
+  void LookForHung();
+  bool WasStarted(const std::string& name) const;
+  void TellStoreErrors();
 
   BackendOptions options_;
   std::unique_ptr<StderrRedirection> redirection_;  // for what is logged under way
@@ -75,6 +98,11 @@ class Backend {
   Supervisor supervisor_;
   std::unique_ptr<Bus> bus_;
   std::unique_ptr<HealthMonitor> monitor_;
+  std::unique_ptr<HealthReporter> reporter_;  // the launcher's own health: it comes back if the hub works
+  Watchdog watchdog_;
+  bool has_own_hub_ = false;
+  Watchdog::Clock::time_point last_tick_, listening_since_, heard_since_;  // since then silence counts
+  std::string store_error_;                                                // that was told
 };
 
 }  // namespace mapmend

@@ -19,6 +19,7 @@ void AddForwardCommands(CLI::App* app);
 void AddRunCommand(CLI::App* app);
 void AddPublishCommand(CLI::App* app);
 void AddReplayCommand(CLI::App* app);
+void AddRecoverCommand(CLI::App* app);
 void AddStatusCommand(CLI::App* app);
 void AddCloseCommand(CLI::App* app);
 void AddSpyCommand(CLI::App* app);

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "procs/mapmend/paths.h"
+#include "procs/mapmend/session_rescue.h"
 #include "procs/mapmend/supervisor.h"
 
 namespace mapmend {
@@ -23,7 +24,7 @@ void RunTool(const std::vector<std::string>& argv, const std::string& log, const
 
 std::string FinishRun(const std::string& out, const LauncherFigures& figures, const std::string& db) {
   std::error_code ignored;
-  std::filesystem::remove(out + "/outbox", ignored);  // all of it is in the database
+  if (!HoldsUndelivered(out)) std::filesystem::remove(out + "/outbox", ignored);  // all of it is in the database
   CompleteSummary(out, figures);
   const std::string log = out + "/logs/viewer_export.log";
   RunTool({"viewer_export", "--report", out}, log, "cannot build the report");

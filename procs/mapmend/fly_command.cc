@@ -85,7 +85,7 @@ class Flight {
     argv.insert(argv.end(),
                 {"--lcm-url", station_url_, "--local-url", backend->Url(), "--log-level", options_.log_level});
     if (!options_.channel_prefix.empty()) argv.insert(argv.end(), {"--channel-prefix", options_.channel_prefix});
-    backend->supervisor()->Start({"frontend", argv, OnExit::kReport});
+    backend->supervisor()->Start({"frontend", argv, OnExit::kResume});
     notice_.Ready();
     bool may_land = options_.live;
     while (!backend->supervisor()->Status("frontend")) {

@@ -20,6 +20,7 @@ int main(int argc, char** argv) {
   mapmend::AddStationCommand(&app);
   mapmend::AddFlyCommand(&app);
   mapmend::AddDemoCommand(&app);
+  mapmend::AddRecoverCommand(&app);
   mapmend::AddReplayCommand(&app);
   mapmend::AddPublishCommand(&app);
   mapmend::AddStatusCommand(&app);

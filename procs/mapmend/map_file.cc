@@ -6,6 +6,7 @@
 
 #include <cerrno>
 #include <chrono>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -23,6 +24,7 @@
 #include "libs/bus/store_client.h"
 #include "libs/retrieval/vocabulary.h"
 #include "procs/mapmend/finish_run.h"
+#include "procs/mapmend/map_rescue.h"
 #include "procs/mapmend/paths.h"
 #include "procs/mapmend/run_flight.h"
 #include "procs/mapmend/session_rescue.h"
@@ -46,7 +48,8 @@ std::string MakeTemporaryFolder() {
 
 MapPlace FindMap(const std::string& path) {
   if (fs::is_directory(path)) {
-    if (!fs::is_regular_file(path + "/map.db")) throw std::runtime_error(path + ": holds no map.db");
+    if (!fs::is_regular_file(path + "/map.db") && !HoldsUndelivered(path))
+      throw std::runtime_error(path + ": holds no map.db");
     return {path + "/map.db", path};
   }
   if (!fs::exists(path)) throw std::runtime_error(path + ": no such file or folder");
@@ -57,6 +60,13 @@ MapPlace FindMap(const std::string& path) {
 MapFile::MapFile(const MapFileOptions& options) : options_(options) {
   if (options_.vocabulary.empty()) options_.vocabulary = DefaultVocabulary();
   if (options_.vocabulary.empty()) throw std::runtime_error("no vocabulary: give one with --vocabulary");
+  // What a power cut has left is put in order first, on the map itself; then the merged map must be made anew.
+  const auto tell = [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); };
+  if (RescueMap(options_, false, tell).changed && !options_.with_merger) {
+    MapFileOptions anew = options_;
+    anew.with_merger = true;
+    MapFile(anew).Finish([](const std::string&) {});
+  }
   BackendOptions backend;
   backend.db = options_.place.db;
   backend.vocabulary = options_.vocabulary;
@@ -189,7 +199,7 @@ std::string MapFile::Finish(const std::function<void(const std::string&)>& show)
     }
   }
   if (options_.with_merger) {
-    for (auto& [session, last] : sessions) last = RescueSession(backend_.get(), session, "").value_or(last);
+    for (auto& [session, last] : sessions) last = RescueSession(backend_.get(), session).value_or(last);
   }
   for (const auto& [session, last] : sessions) {
     while (!backend_->IsFinished(session, last)) {

@@ -1,5 +1,6 @@
 #include "procs/mapmend/out_folder.h"
 
+#include <SQLiteCpp/SQLiteCpp.h>
 #include <arpa/inet.h>
 #include <fcntl.h>
 #include <netinet/in.h>
@@ -16,6 +17,9 @@
 #include <fstream>
 #include <stdexcept>
 
+#include "libs/bus/channels.h"
+#include "libs/bus/outbox.h"
+
 namespace mapmend {
 namespace {
 
@@ -26,6 +30,34 @@ constexpr const char* kResults[] = {"map.db",     "map.db-wal",     "map.db-shm"
                                     "frames.tum", "keyframes.tum",  "components",   "submaps", "graph.dot",
                                     "graph.svg",  "report.html",    "summary.json", "logs",    "outbox",
                                     "colmap",     "trajectory.svg", "events.jsonl"};
+
+// Whether a database holds anything worth keeping: a run that failed before its first keyframe leaves none. What cannot
+// be read is kept.
+bool HoldsMap(const std::string& path) {
+  std::error_code error;
+  if (!fs::exists(path, error)) return false;
+  try {
+    SQLite::Database database(path, SQLite::OPEN_READWRITE);
+    if (!database.tableExists("keyframe"))
+      return database.execAndGet("SELECT count(*) FROM sqlite_master").getInt() > 0;
+    return database.execAndGet("SELECT EXISTS(SELECT 1 FROM keyframe)").getInt() != 0;
+  } catch (const SQLite::Exception&) {
+    return true;
+  }
+}
+
+// Whether an outbox holds keyframes that no store has acknowledged.
+bool HoldsFlight(const std::string& path) {
+  std::error_code error;
+  if (!fs::exists(path, error)) return false;
+  const Outbox outbox(path);
+  if (outbox.Empty()) return false;
+  for (int64_t seq = outbox.FirstSeq(); seq <= outbox.LastSeq(); ++seq) {
+    const auto record = outbox.Read(seq);
+    if (!record || record->channel == channels::kKeyframe) return true;
+  }
+  return false;
+}
 
 // 0 if a server may listen there, else errno.
 int WhyNotFree(int port) {
@@ -84,7 +116,11 @@ OutFolder::OutFolder(const std::string& path, bool overwrite, bool append) {
     throw std::runtime_error("another mapmend is writing into " + path + "; choose another --out");
   }
   try {
-    if (fs::exists(fs::path(path) / "map.db", error) && !overwrite && !append) {
+    if (!overwrite && !append && HoldsFlight((fs::path(path) / "outbox").string())) {
+      throw std::runtime_error(path + " holds records of a flight that was cut off: `mapmend recover " + path +
+                               "` makes their map, --continue goes on with the flight, --overwrite gives it up");
+    }
+    if (!overwrite && !append && HoldsMap((fs::path(path) / "map.db").string())) {
       throw std::runtime_error(
           path +
           " already holds a map.db: give another --out, --overwrite to replace it, or --append to map "

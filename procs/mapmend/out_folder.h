@@ -7,9 +7,9 @@ namespace mapmend {
 // The folder of results of one run, held by a lock for as long as this object lives.
 class OutFolder {
  public:
-  // Makes the folder. An earlier map.db in it is refused unless overwrite or append is set; overwrite removes what an
-  // earlier run has written there, and nothing else. Throws std::runtime_error with one line: not writable, in use by
-  // another run, not empty.
+  // Makes the folder. An earlier map in it, or what waits in an outbox, is refused unless overwrite or append is set; a
+  // map.db without a keyframe is no map. overwrite removes what an earlier run has written there, and nothing else.
+  // Throws std::runtime_error with one line: not writable, in use by another run, not empty.
   OutFolder(const std::string& path, bool overwrite, bool append);
   ~OutFolder();
   OutFolder(const OutFolder&) = delete;

@@ -53,7 +53,8 @@ std::string CheckRecordFolder(const std::string& folder, bool overwrite) {
   return path;
 }
 
-Recorder::Recorder(Backend* backend, const std::string& path, const std::string& channel_prefix) : backend_(backend) {
+Recorder::Recorder(Backend* backend, const std::string& path, const std::string& channel_prefix)
+    : backend_(backend), path_(path) {
   // The short form -l of the URL option is refused by lcm-logger 1.3.1; -m: nothing is dropped before a gigabyte waits
   // for the disk.
   backend_->supervisor()->Start(
@@ -73,9 +74,19 @@ Recorder::Recorder(Backend* backend, const std::string& path, const std::string&
   }
 }
 
+void Recorder::Check() {
+  const auto status = backend_->supervisor()->Status("lcm-logger");
+  if (!status || !problem_.empty()) return;
+  const std::string line = backend_->supervisor()->ErrorLine("lcm-logger");
+  problem_ = "the recording " + path_ + " is not whole: " +
+             (line.empty() || status->signal != 0 ? "lcm-logger ended with " + status->Describe() : line);
+  backend_->Tell(problem_);
+}
+
 void Recorder::Finish() {
   const auto end = Clock::now() + milliseconds(300);
   while (Clock::now() < end) backend_->Tick(20);
+  Check();
   backend_->supervisor()->Stop("lcm-logger");
 }
 

@@ -13,11 +13,16 @@ class Recorder {
   // Starts lcm-logger on a path that CheckRecordFolder gave and waits until it has written its first message, so that
   // it misses nothing of what follows. Throws std::runtime_error with one line if it does not record.
   Recorder(Backend* backend, const std::string& path, const std::string& channel_prefix);
+  // Tells the user as soon as it has ended. Call now and then.
+  void Check();
+  // Why the recording is not whole; empty: it is.
+  const std::string& Problem() const { return problem_; }
   // Stops it after it has had the time to write all that was said so far.
   void Finish();
 
  private:
   Backend* backend_;
+  std::string path_, problem_;
 };
 
 // Checks that lcm-logger is there and FOLDER can hold a recording; makes the folder, removes an old recording if

@@ -74,8 +74,13 @@ void AddRunCommand(CLI::App* app) {
                   "where no features may be (on-screen text, propellers, bonnet): an image of the frames' shape, black "
                   "there, or YAML with mask_rectangles");
   sub->add_option("--out", options->out, "folder of the results (default: ./mapmend-<name of INPUT>)");
-  sub->add_flag("--overwrite", options->overwrite, "replace the results of an earlier run in --out");
-  sub->add_flag("--append", options->append, "map this flight into the map that is already in --out");
+  auto* overwrite = sub->add_flag("--overwrite", options->overwrite, "replace the results of an earlier run in --out");
+  auto* append = sub->add_flag("--append", options->append, "map this flight into the map that is already in --out");
+  sub->add_flag(
+         "--continue", options->continue_flight,
+         "go on with this flight, which was cut off (power, Ctrl-C), from the first frame that is not in --out yet")
+      ->excludes(append)
+      ->excludes(overwrite);
   sub->add_option(
       "--groundtruth", options->groundtruth,
       "trajectory to compare the map with (TUM, EuRoC, KITTI with --times, or positions t x y z); the report "

@@ -2,6 +2,7 @@
 
 #include <signal.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -19,6 +20,7 @@
 #include "libs/geometry/write_file.h"
 #include "libs/mapping/session_id.h"
 #include "procs/mapmend/backend.h"
+#include "procs/mapmend/continue_flight.h"
 #include "procs/mapmend/finish_run.h"
 #include "procs/mapmend/frontend_arguments.h"
 #include "procs/mapmend/lan_addresses.h"
@@ -98,6 +100,15 @@ void AddEvent(const TreeChange& change, int64_t revision, EventLog* events) {
                                                        {"revision", revision}});
 }
 
+std::vector<std::string> FlightArguments(const RunOptions& options, const FlightPart& part) {
+  std::vector<std::string> argv = FrontendArguments(options, part.session);
+  argv.emplace_back("--resume");  // the same arguments start it again should it die
+  if (!part.continues.empty()) argv.insert(argv.end(), {"--continues", part.continues});
+  if (!part.continues.empty() && !options.live)
+    argv.insert(argv.end(), {"--first-frame", std::to_string(part.first_frame)});
+  return argv;
+}
+
 FlightProgress ReadProgress(const Backend& backend, int num_frames) {
   const auto* frontend = backend.Health("frontend");
   const auto* merger = backend.Health("merger");
@@ -122,25 +133,30 @@ FlightProgress ReadProgress(const Backend& backend, int num_frames) {
   return progress;
 }
 
-// Dispatches the bus. In a live flight the first Ctrl-C asks the frontend to finish; the second interrupts.
+// Dispatches the bus. In a live flight the first Ctrl-C asks the frontend to finish, or, if it has finished already,
+// only says that the map is being made; the second interrupts.
 class FlightEnd {
  public:
-  FlightEnd(const RunOptions& options, Backend* backend) : may_land_(options.live), backend_(backend) {}
+  FlightEnd(const RunOptions& options, Backend* backend, Progress* progress)
+      : may_land_(options.live), backend_(backend), progress_(progress) {}
   void Tick(int timeout_ms) {
     try {
       backend_->Tick(timeout_ms);
     } catch (const Interrupted&) {
-      const pid_t frontend = backend_->supervisor()->Pid("frontend");
-      if (!may_land_ || frontend <= 0) throw;
+      if (!may_land_) throw;
       may_land_ = false;
       WithdrawStopRequest();
-      kill(frontend, SIGINT);
+      const pid_t frontend = backend_->supervisor()->Pid("frontend");
+      if (frontend > 0) kill(frontend, SIGINT);
+      progress_->Say(frontend > 0 ? "the flight ends; its map is being made (Ctrl-C again: without)"
+                                  : "the flight has ended, its map is being made (Ctrl-C again: without)");
     }
   }
 
  private:
   bool may_land_;
   Backend* backend_;
+  Progress* progress_;
 };
 
 // What only the frontend's last health message tells.
@@ -158,6 +174,53 @@ void AddFrontendFigures(const HealthMonitor::Entry& frontend, const RunOptions& 
   }
 }
 
+// Into a folder that holds a map: what was left behind there first, then where this flight begins.
+FlightPart PrepareFolder(const RunOptions& options, const std::string& fresh_session, Backend* backend,
+                         Progress* progress) {
+  RescueReport report = DeliverOutboxes(backend, options.out);
+  FlightPart part;
+  part.session = fresh_session;
+  if (options.continue_flight) {
+    part = FindFlightPart(backend, options, fresh_session);
+    report.lines.push_back(part.first_frame > 0
+                               ? "going on with the flight at frame " + std::to_string(part.first_frame)
+                               : "nothing of this flight is in the map yet: from its beginning");
+  }
+  const RescueReport closed = CloseSessions(backend, {part.session});
+  report.lines.insert(report.lines.end(), closed.lines.begin(), closed.lines.end());
+  for (const std::string& line : report.lines) progress->Say(line);
+  return part;
+}
+
+// A frontend that cannot go on: what it saw becomes a finished map. Throws the complaint if that is nothing.
+void RescueAfterDeath(const RunOptions& options, const std::string& complaint, Backend* backend) {
+  try {
+    RescueFolder(backend, options.out);
+  } catch (const std::runtime_error& e) {
+    throw std::runtime_error(complaint + "; " + e.what() + ": when that is mended, `mapmend recover " + options.out +
+                             "` makes the map of what was seen");
+  }
+  if (ListSessions(backend->bus()).empty()) throw std::runtime_error(complaint);
+}
+
+void WaitForMap(double num_keyframes, Backend* backend, Progress* progress, FlightEnd* flight_end) {
+  backend->HurryRestarts();
+  const auto since = Clock::now();
+  const double estimate_s = EstimateMergingSeconds(num_keyframes, 1);
+  const auto sessions = ListSessions(backend->bus());
+  const auto is_finished = [&] {
+    return std::all_of(sessions.begin(), sessions.end(),
+                       [&](const auto& session) { return backend->IsFinished(session.id, session.last_seq); });
+  };
+  while (!is_finished()) {
+    const auto* merger = backend->Health("merger");
+    const auto counter = [&](const char* name) { return static_cast<int>(CounterOr(merger, name, 0)); };
+    progress->Show(DescribeMerging(counter("connections"), counter("edges_accepted"), counter("components"), estimate_s,
+                                   std::chrono::duration<double>(Clock::now() - since).count()));
+    flight_end->Tick(50);
+  }
+}
+
 }  // namespace
 
 int RunFlight(const RunInputs& inputs) {
@@ -168,7 +231,8 @@ int RunFlight(const RunInputs& inputs) {
   if (options.port.value_or(1) != 0)
     page = std::make_unique<FreePort>(options.port.value_or(8080), options.port.has_value(), "--port");
   const int port = page ? page->Port() : 0;
-  const OutFolder out_folder(options.out, options.overwrite, options.append);
+  const bool keeps_map = options.append || options.continue_flight;
+  const OutFolder out_folder(options.out, options.overwrite, keeps_map);
   const std::string recording = options.record.empty() ? "" : CheckRecordFolder(options.record, options.overwrite);
 
   Progress progress(options.quiet || options.json);
@@ -189,8 +253,13 @@ int RunFlight(const RunInputs& inputs) {
     backend_options.port = port;
     backend_options.bind = options.bind;
     std::filesystem::remove(ProfilePath(options));  // of an earlier flight into the same map
+    FlightPart part;
+    part.session = SessionOf(options);
+    backend_options.tell = [&](const std::string& line) { progress.Say(line); };
+    backend_options.when_stored = [&](Backend* started) {
+      if (keeps_map) part = PrepareFolder(options, part.session, started, &progress);
+    };
     Backend backend(backend_options);
-    const std::string session = SessionOf(options);
     progress.Say("mapping " + (options.live ? DescribeCamera(options) : DescribeInputs(options.inputs)) + " into " +
                  options.out + "; bus " + backend.Url() + DescribePage(options.bind, port));
     const BusAddressFile bus_address(options.out, backend.Url());
@@ -203,10 +272,10 @@ int RunFlight(const RunInputs& inputs) {
     std::unique_ptr<Recorder> recorder;
     if (!recording.empty()) recorder = std::make_unique<Recorder>(&backend, recording, options.channel_prefix);
 
-    backend.StartProcess("frontend", FrontendArguments(options, session), OnExit::kReport);
+    backend.StartProcess("frontend", FlightArguments(options, part), OnExit::kResume);
     HealthMonitor::Entry frontend;  // its last word
     pid_t frontend_pid = backend.supervisor()->Pid("frontend");
-    FlightEnd flight_end(options, &backend);
+    FlightEnd flight_end(options, &backend, &progress);
     double source_news = 0;  // what a camera's reader wants a person to hear
     while (!backend.supervisor()->Status("frontend")) {
       const auto* health = backend.Health("frontend");
@@ -218,36 +287,27 @@ int RunFlight(const RunInputs& inputs) {
       }
       progress.Show(DescribeFlight(ReadProgress(backend, inputs.num_frames)));
       flight_end.Tick(50);
+      if (recorder) recorder->Check();
     }
     const ExitStatus status = *backend.supervisor()->Status("frontend");
     if (const auto* last = backend.LastWord("frontend", frontend_pid); last != nullptr) frontend = *last;
     const bool cut_short = status.signal == 0 && status.code == kExitInputCutShort;
-    const auto cursor = frontend.cursors.find(session);
-    int64_t last_seq = cursor == frontend.cursors.end() ? -1 : cursor->second;
     if (!status.Success()) {
       complaint = backend.supervisor()->ErrorLine("frontend");
       if (complaint.empty() || status.signal != 0) complaint = "frontend ended with " + status.Describe();
     }
     if (!status.Success() && !cut_short) {
-      // Its health may not have said yet that it read anything: the store knows.
-      const auto rescued = RescueSession(&backend, session, options.out + "/outbox");
-      if (!rescued) throw std::runtime_error(complaint);
-      last_seq = *rescued;
+      RescueAfterDeath(options, complaint, &backend);
       progress.Say(complaint + "; mapping what it has seen");
     }
-    const auto merging_since = Clock::now();
-    const double estimate_s = EstimateMergingSeconds(CounterOr(&frontend, "keyframes", 0), 1);
-    while (!backend.IsFinished(session, last_seq)) {
-      const auto* merger = backend.Health("merger");
-      const auto counter = [&](const char* name) { return static_cast<int>(CounterOr(merger, name, 0)); };
-      progress.Show(DescribeMerging(counter("connections"), counter("edges_accepted"), counter("components"),
-                                    estimate_s, std::chrono::duration<double>(Clock::now() - merging_since).count()));
-      backend.Tick(50);
-    }
+    WaitForMap(CounterOr(&frontend, "keyframes", 0), &backend, &progress, &flight_end);
     if (recorder) recorder->Finish();
+    const std::string export_problem = backend.ExportProblem();
+    std::string loss = export_problem;
+    if (recorder && !recorder->Problem().empty()) loss += (loss.empty() ? "" : "; ") + recorder->Problem();
 
     LauncherFigures figures;
-    figures.session = session;
+    figures.session = part.session;
     figures.title = options.title;
     AddFrontendFigures(frontend, options, &figures);
     // A frontend that was killed has not written it.
@@ -256,18 +316,27 @@ int RunFlight(const RunInputs& inputs) {
     figures.readout_ms = FindCounter(backend.Health("merger"), "readout_ms");
     figures.processes = backend.StopAll();
     figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
-    progress.Say(FinishRun(options.out, figures));
-    if (options.json) std::fputs(ReadFile(options.out + "/summary.json").c_str(), stdout);
-    std::fflush(stdout);
-    if (!complaint.empty()) exit_code = cut_short ? kExitInputCutShort : 1;
-    problem = ReadSummary(options.out).value("problem", "");
+    if (export_problem.empty()) {
+      progress.Say(FinishRun(options.out, figures));
+      if (options.json) std::fputs(ReadFile(options.out + "/summary.json").c_str(), stdout);
+      std::fflush(stdout);
+      problem = ReadSummary(options.out).value("problem", "");
+    }
+    if (!complaint.empty()) {
+      complaint += "; what could be read is mapped";
+      exit_code = cut_short ? kExitInputCutShort : 1;
+    }
     if (!problem.empty() && exit_code != 1) exit_code = kExitSmallMap;
+    if (!loss.empty()) {
+      complaint += (complaint.empty() ? "" : "; ") + loss;
+      exit_code = 1;
+    }
   } catch (const Interrupted&) {
-    progress.Say("interrupted: " + options.out + "/map.db holds what was mapped so far; `mapmend merge " + options.out +
-                 "` makes a map of it");
+    progress.Say("interrupted: " + options.out + "/map.db holds what was mapped so far; `mapmend recover " +
+                 options.out + "` makes its map, the same command with --continue goes on with the flight");
     return kExitInterrupted;
   }
-  if (!complaint.empty()) std::fprintf(stderr, "mapmend: %s; what could be read is mapped\n", complaint.c_str());
+  if (!complaint.empty()) std::fprintf(stderr, "mapmend: %s\n", complaint.c_str());
   if (!problem.empty()) std::fprintf(stderr, "mapmend: %s\n", problem.c_str());
   return exit_code;
 }

@@ -41,6 +41,7 @@ struct RunOptions {
   std::optional<int> max_waiting;    // with realtime or live: frames that may wait; unset: the frontend's
   bool profile = false;              // time of each stage of the frontend, in the summary
   bool append = false;               // map this flight into the map that is already in out
+  bool continue_flight = false;      // go on with the flight that was cut off in out
   bool quiet = false;                // nothing on standard output
   bool json = false;                 // nothing but the summary as JSON on standard output
   std::string bind;                  // address of the live page; empty: this host only

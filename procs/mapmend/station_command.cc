@@ -163,6 +163,7 @@ class Station {
     backend.log_level = options_.log_level;
     backend.seed = options_.seed;
     backend.port = page_port;
+    backend.tell = [this](const std::string& line) { progress_.Say(line); };
     return backend;
   }
 
@@ -184,7 +185,7 @@ class Station {
     std::vector<StoredSession> closed;
     for (const StoredSession& session : sessions) {
       progress_.Show("closing flights; Ctrl-C leaves at once");
-      const auto last = RescueSession(backend, session.id, "");
+      const auto last = RescueSession(backend, session.id);
       if (last) {
         closed.push_back({session.id, *last});
       } else {

@@ -8,6 +8,8 @@
 #include <fstream>
 #include <stdexcept>
 
+#include "libs/bus/exit_codes.h"
+
 namespace mapmend {
 namespace {
 
@@ -95,21 +97,38 @@ void Supervisor::OnEnd(Entry* entry, const ExitStatus& status) {
   AddUsage(entry, status);
   entry->child.reset();
   const ProcessSpec& spec = entry->spec;
-  if (spec.on_exit == OnExit::kReport) {
+  const bool was_killed = status.signal == SIGKILL;
+  if (Clock::now() - entry->started >= milliseconds(options_.stable_after_ms))
+    entry->num_quick = entry->num_failures = 0;
+  ++entry->num_quick;
+  if (!was_killed) ++entry->num_failures;
+  if (spec.on_exit == OnExit::kReport ||
+      (spec.on_exit == OnExit::kResume && (status.signal == 0 || entry->num_failures > options_.max_crashes))) {
     entry->status = status;
     return;
   }
   const std::string line = FindErrorLine(LogPath(spec.name), spec.name, entry->log_start);
-  const std::string why = line.empty() ? spec.name + " ended with " + status.Describe() : line;
-  if (!entry->was_ready) throw std::runtime_error(why);
-  const auto ran = Clock::now() - entry->started;
-  entry->num_quick = ran >= milliseconds(options_.stable_after_ms) ? 0 : entry->num_quick + 1;
-  if (entry->num_quick > options_.max_quick_restarts) {
-    throw std::runtime_error(spec.name + " ended " + std::to_string(entry->num_quick) + " times in a row: " + why);
-  }
+  const std::string why = line.empty() || status.signal != 0 ? spec.name + " ended with " + status.Describe() : line;
+  const bool is_for_good = status.signal == 0 && status.code == kExitForGood;
+  if (is_for_good || (!entry->was_ready && !was_killed && spec.on_exit == OnExit::kRestart))
+    throw std::runtime_error(why);
+  PlanRestart(entry, why);
+}
+
+void Supervisor::PlanRestart(Entry* entry, const std::string& why) {
+  const bool is_first = entry->last_end.empty();
+  entry->last_end = why;
   int backoff = options_.first_backoff_ms;
   for (int i = 1; i < entry->num_quick && backoff < options_.max_backoff_ms; ++i) backoff *= 2;
-  entry->restart_at = Clock::now() + milliseconds(std::min(backoff, options_.max_backoff_ms));
+  backoff = std::min(backoff, options_.max_backoff_ms);
+  if (entry->num_quick > options_.max_quick_restarts && entry->spec.is_optional) backoff = options_.optional_backoff_ms;
+  entry->restart_at = Clock::now() + milliseconds(backoff);
+  // Once, then only when it does not end: a process that is killed time and again must not fill the screen.
+  if (is_first) notices_.push_back(why + "; it is started again");
+  if (entry->num_quick == options_.max_quick_restarts + 1) {
+    notices_.push_back(entry->spec.name + " ended " + std::to_string(entry->num_quick) + " times in a row (" + why +
+                       "); it is tried again now and then");
+  }
 }
 
 void Supervisor::Tick() {
@@ -120,7 +139,7 @@ void Supervisor::Tick() {
     if (sample) SamplePeakMemory(entry.get());
     if (entry->child) {
       if (const auto status = entry->child->Poll()) OnEnd(entry.get(), *status);
-    } else if (entry->spec.on_exit == OnExit::kRestart && Clock::now() >= entry->restart_at) {
+    } else if (!entry->status && entry->spec.on_exit != OnExit::kReport && Clock::now() >= entry->restart_at) {
       ++entry->num_restarts;
       Launch(entry.get());
     }
@@ -130,6 +149,12 @@ void Supervisor::Tick() {
 void Supervisor::KillHung(const std::string& name) {
   Entry& entry = Find(name);
   if (entry.child) entry.child->Signal(SIGKILL);
+}
+
+void Supervisor::RestartNow(const std::string& name) { Find(name).restart_at = Clock::now(); }
+
+bool Supervisor::IsFailing(const std::string& name) const {
+  return Find(name).num_failures > options_.max_quick_restarts;
 }
 
 std::optional<ExitStatus> Supervisor::Status(const std::string& name) const { return Find(name).status; }

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "procs/mapmend/child_process.h"
@@ -16,22 +17,26 @@ namespace mapmend {
 // What to do when a process ends although nobody asked it to.
 enum class OnExit {
   kRestart,  // start it again, with back-off: it recovers its state from the store
-  kReport,   // keep its status for the caller (the frontend, the recorder)
+  kResume,   // the same after a signal, a few times in a row if it crashed; exit codes are kept as for kReport
+  kReport,   // keep its status for the caller (the recorder)
 };
 
 struct ProcessSpec {
   std::string name;               // also the name of its log file
   std::vector<std::string> argv;  // argv[0] is a full path
   OnExit on_exit = OnExit::kRestart;
+  bool is_optional = false;  // the flight goes on without it: longer pauses once it keeps ending
 };
 
 struct SupervisorOptions {
   std::string log_folder;      // must exist
   int first_backoff_ms = 100;  // before the first restart; doubles with each further one
   int max_backoff_ms = 5000;
-  int stable_after_ms = 10000;  // a process that ran for so long starts over with the first back-off
-  int max_quick_restarts = 6;   // ended so often without becoming stable: the run fails
-  int stop_grace_ms = 2000;     // between SIGTERM and SIGKILL
+  int stable_after_ms = 10000;      // a process that ran for so long starts over with the first back-off
+  int max_quick_restarts = 6;       // ended so often without becoming stable: it is told, and counts as failing
+  int optional_backoff_ms = 30000;  // of an optional process that is failing
+  int max_crashes = 3;              // in a row, of a kResume process: then its status is kept
+  int stop_grace_ms = 2000;         // between SIGTERM and SIGKILL
 
   void Check() const;  // throws std::invalid_argument naming the option
 };
@@ -44,19 +49,28 @@ class Supervisor {
   void Start(const ProcessSpec& spec);
   // The arguments for the next start of a process (the hub learns its port in the first).
   void ChangeArguments(const std::string& name, const std::vector<std::string>& argv);
-  // The process has reported that it is ready: from now on its end is followed by a restart. Before, it is an error:
-  // what cannot start (a wrong file, a full disk) does not start the second time either.
+  // The process has reported that it is ready: from now on its end is followed by a restart, for ever. Before, it is an
+  // error unless it was killed: what cannot start (a wrong file, a full disk) does not start the second time either.
   void MarkReady(const std::string& name, pid_t pid);
   // Looks after every process; call at least ten times a second. Throws std::runtime_error with the process's own error
-  // line if one cannot be kept alive.
+  // line if one cannot be started.
   void Tick();
+  // A process that waits for its next start is started with the next Tick.
+  void RestartNow(const std::string& name);
+  // Ended by itself (not killed) more than max_quick_restarts times in a row.
+  bool IsFailing(const std::string& name) const;
+  // How it ended the last time, in one line; empty if it never did.
+  std::string LastEnd(const std::string& name) const { return Find(name).last_end; }
+  // Lines for the user that have come up since the last call.
+  std::vector<std::string> TakeNotices() { return std::exchange(notices_, {}); }
   // Kills a process that has hung; Tick starts it again.
   void KillHung(const std::string& name);
 
-  // Status of a kReport process that has ended; nullopt while it runs.
+  // Status of a kReport or kResume process that has ended for good; nullopt while it runs or is to be started again.
   std::optional<ExitStatus> Status(const std::string& name) const;
   bool IsRunning(const std::string& name) const;
   pid_t Pid(const std::string& name) const;  // -1 if it is not running
+  std::chrono::steady_clock::time_point Started(const std::string& name) const { return Find(name).started; }
   int NumRestarts(const std::string& name) const;
   // The first error line that the last incarnation of a process has logged; empty without one.
   std::string ErrorLine(const std::string& name) const;
@@ -79,7 +93,8 @@ class Supervisor {
     std::optional<ExitStatus> status;  // of a kReport process
     bool was_ready = false;            // in any incarnation
     bool stopped = false;
-    int num_restarts = 0, num_quick = 0;
+    int num_restarts = 0, num_quick = 0, num_failures = 0;  // in a row: ends, and ends that were not a SIGKILL
+    std::string last_end;
     long log_start = 0;  // where the last incarnation's output begins in the log
     Clock::time_point started, restart_at;
     ResourceUsage usage;
@@ -90,11 +105,13 @@ class Supervisor {
   const Entry& Find(const std::string& name) const;
   void Launch(Entry* entry);
   void OnEnd(Entry* entry, const ExitStatus& status);
+  void PlanRestart(Entry* entry, const std::string& why);
   static void AddUsage(Entry* entry, const ExitStatus& status);
   static void SamplePeakMemory(Entry* entry);
 
   SupervisorOptions options_;
   std::vector<std::unique_ptr<Entry>> entries_;  // in order of start
+  std::vector<std::string> notices_;
   Clock::time_point last_sample_;
 };
 

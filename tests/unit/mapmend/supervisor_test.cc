@@ -95,18 +95,65 @@ TEST_F(SupervisorTest, AProcessThatNeverWasReadyEndsTheRunWithItsErrorLine) {
   }
 }
 
-TEST_F(SupervisorTest, GivesUpOnAProcessThatKeepsEnding) {
+TEST_F(SupervisorTest, AProcessThatKeepsEndingIsToldAndTriedForEver) {
   options_.first_backoff_ms = 1;
+  options_.max_backoff_ms = 4;
   options_.max_quick_restarts = 2;
   Supervisor supervisor(options_);
   supervisor.Start(Shell("merger", "sleep 0.02; exit 3"));
   supervisor.MarkReady("merger", supervisor.Pid("merger"));
-  try {
-    TickUntil(&supervisor, [] { return false; });
-    FAIL() << "no error";
-  } catch (const std::runtime_error& e) {
-    EXPECT_STREQ(e.what(), "merger ended 3 times in a row: merger ended with exit code 3");
-  }
+  std::vector<std::string> notices;
+  ASSERT_TRUE(TickUntil(&supervisor, [&] {
+    for (std::string& line : supervisor.TakeNotices()) notices.push_back(std::move(line));
+    return supervisor.NumRestarts("merger") >= 6;
+  }));
+  EXPECT_TRUE(supervisor.IsFailing("merger"));
+  EXPECT_EQ(notices, (std::vector<std::string>{
+                         "merger ended with exit code 3; it is started again",
+                         "merger ended 3 times in a row (merger ended with exit code 3); it is tried again now and "
+                         "then"}));
+}
+
+TEST_F(SupervisorTest, AnOptionalProcessThatKeepsDyingIsLeftAloneForLonger) {
+  options_.first_backoff_ms = 1;
+  options_.max_backoff_ms = 4;
+  options_.max_quick_restarts = 2;
+  options_.optional_backoff_ms = 60000;
+  Supervisor supervisor(options_);
+  ProcessSpec viewer = Shell("viewer", "sleep 0.02; kill -KILL $$");
+  viewer.is_optional = true;
+  supervisor.Start(viewer);
+  supervisor.MarkReady("viewer", supervisor.Pid("viewer"));
+  ASSERT_TRUE(TickUntil(&supervisor, [&] { return supervisor.NumRestarts("viewer") == 2; }));
+  EXPECT_FALSE(TickUntil(&supervisor, [&] { return supervisor.NumRestarts("viewer") == 3; }));
+  // Killed from outside: it may be sound.
+  EXPECT_FALSE(supervisor.IsFailing("viewer"));
+  supervisor.RestartNow("viewer");
+  EXPECT_TRUE(TickUntil(&supervisor, [&] { return supervisor.NumRestarts("viewer") == 3; }));
+}
+
+TEST_F(SupervisorTest, WhatIsKilledBeforeItIsReadyIsStartedAgain) {
+  Supervisor supervisor(options_);
+  supervisor.Start(Shell("merger", "kill -KILL $$"));
+  EXPECT_TRUE(TickUntil(&supervisor, [&] { return supervisor.NumRestarts("merger") == 2; }));
+}
+
+TEST_F(SupervisorTest, AFrontendThatIsKilledIsStartedAgainAndItsExitCodeKept) {
+  Supervisor supervisor(options_);
+  const std::string mark = (folder_ / "mark").string();
+  supervisor.Start(
+      Shell("frontend", "if [ -e " + mark + " ]; then exit 3; fi; touch " + mark + "; kill -KILL $$", OnExit::kResume));
+  ASSERT_TRUE(TickUntil(&supervisor, [&] { return supervisor.Status("frontend").has_value(); }));
+  EXPECT_EQ(supervisor.Status("frontend")->code, 3);
+  EXPECT_EQ(supervisor.NumRestarts("frontend"), 1);
+}
+
+TEST_F(SupervisorTest, AFrontendThatCrashesEachTimeIsGivenUp) {
+  Supervisor supervisor(options_);
+  supervisor.Start(Shell("frontend", "ulimit -c 0; kill -SEGV $$", OnExit::kResume));
+  ASSERT_TRUE(TickUntil(&supervisor, [&] { return supervisor.Status("frontend").has_value(); }));
+  EXPECT_EQ(supervisor.Status("frontend")->signal, SIGSEGV);
+  EXPECT_EQ(supervisor.NumRestarts("frontend"), options_.max_crashes);
 }
 
 TEST_F(SupervisorTest, ReportsTheStatusOfAProcessThatMayEnd) {
