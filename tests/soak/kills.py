@@ -27,7 +27,7 @@ def power_cut(folder, moment_s):
     flight.fresh(folder)
     out = folder / "out"
     run = flight.Process([flight.mapmend(), "run", str(flight.FLIGHT / "video.mp4"), *flight.SKIP, "--realtime", "--speed",
-                          "0.5", "--session", flight.SESSION, "--seed", "1", "--port", "0", "--out", str(out)],
+                          flight.SPEED, "--session", flight.SESSION, "--seed", "1", "--port", "0", "--out", str(out)],
                          folder / "run.txt")
     samples = []
     end = time.monotonic() + moment_s
@@ -101,7 +101,7 @@ def soak(folder, minutes, kill_every_s=10.0, seed=1):
             if not flying:
                 flights += 1
                 vehicle = flight.Process(
-                    [flight.mapmend(), "fly", str(flight.FLIGHT / "video.mp4"), *flight.SKIP, "--realtime", "--speed", "0.5",
+                    [flight.mapmend(), "fly", str(flight.FLIGHT / "video.mp4"), *flight.SKIP, "--realtime", "--speed", flight.SPEED,
                      "--vehicle", f"v{flights}", "--station", "127.0.0.1:17700", "--out", str(folder / f"v{flights}")],
                     folder / f"v{flights}.txt")
             for program in SERVICES:

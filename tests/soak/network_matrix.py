@@ -81,7 +81,7 @@ class _Stage:
     def start_flight(self):
         options = list(flight.SKIP)
         if self.cell.realtime:
-            options += ["--realtime", "--speed", "0.3"]
+            options += ["--realtime", "--speed", flight.SPEED]
         self.start("air", flight.fly_command(self.folder, options), flight.with_clock(self.cell.skew_s))
 
     def close(self):
