@@ -5,6 +5,7 @@ import glob
 import json
 import os
 import pathlib
+import re
 import shutil
 import signal
 import subprocess
@@ -14,7 +15,6 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 FLIGHT = ROOT / "data/flights/sheffield_cross"
 # The second half of the first flight in the bundled video and the first half of the other: two submaps.
 SKIP = ("--skip-frames", "0-39,131-171")
-NUM_FRAMES = 91
 SPEED = "60"  # of flights in real time: photographs seven seconds apart become nine frames a second
 SESSION = "7a0f3c52-61d4-4d0b-8f0e-0c9be5a4e101"
 AIR, GROUND = "10.77.0.1", "10.77.0.2"
@@ -117,7 +117,15 @@ class Map:
     map_hash: str = ""
     frames_in: int = 0
     frames_tracked: int = 0
-    frames_dropped: int = 0
+
+
+def flown(folder):
+    """How many frames the vehicle with this folder has read, in all flights into it, and how many it has dropped because it
+    was busy."""
+    log = folder / "logs/frontend.log"
+    text = log.read_text(errors="replace") if log.exists() else ""
+    return (sum(int(n) for n in re.findall(r"end: (\d+) frames", text)),
+            sum(int(n) for n in re.findall(r"(\d+) frames came while the frontend was busy", text)))
 
 
 def read_map(folder):
@@ -133,7 +141,6 @@ def read_map(folder):
     if (folder / "summary.json").exists():
         summary = json.loads((folder / "summary.json").read_text())
         result.frames_in, result.frames_tracked = summary.get("frames_in", 0), summary.get("frames_tracked", 0)
-        result.frames_dropped = (summary.get("frontend") or {}).get("frames_dropped", 0)
     return result
 
 

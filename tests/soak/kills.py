@@ -4,21 +4,47 @@ import json
 import os
 import pathlib
 import random
-import re
 import signal
+import socket
+import struct
 import subprocess
+import threading
 import time
 
+import attacks
 import flight
 
 SETTLE_S = 1.0  # what was tracked earlier than that before the power went must be in the map
 SERVICES = ("hub", "submap_store", "merger", "viewer_export")
 
 
-def _frames_told(text):
-    """The newest number of frames that the progress line tells."""
-    numbers = re.findall(r"(\d+)(?:/\d+)? frames", text)
-    return int(numbers[-1]) if numbers else 0
+class _PoseCounter(threading.Thread):
+    """Listens to the live poses of a run: each stands for a frame that was tracked."""
+
+    def __init__(self, url_file):
+        super().__init__(daemon=True)
+        self.times = []
+        self._url_file = url_file
+        self.start()
+
+    def run(self):
+        while not self._url_file.exists() or not self._url_file.read_text().endswith("\n"):
+            time.sleep(0.02)
+        try:
+            hub = socket.create_connection(("127.0.0.1", int(self._url_file.read_text().strip().rsplit(":", 1)[1])))
+            hub.sendall(attacks.GREETING + attacks.subscribe("MAPMEND_FRAME_POSE"))
+            stream = hub.makefile("rb")
+            stream.read(8)
+            while True:
+                stream.read(4)  # PUBLISH
+                for _ in ("channel", "data"):
+                    stream.read(struct.unpack(">I", stream.read(4))[0])
+                self.times.append(time.monotonic())
+        except (OSError, struct.error):
+            pass  # the power is gone
+
+    def count_before(self, when):
+        return sum(1 for t in self.times if t < when)
 
 
 def power_cut(folder, moment_s):
@@ -29,14 +55,14 @@ def power_cut(folder, moment_s):
     run = flight.Process([flight.mapmend(), "run", str(flight.FLIGHT / "video.mp4"), *flight.SKIP, "--realtime", "--speed",
                           flight.SPEED, "--session", flight.SESSION, "--seed", "1", "--port", "0", "--out", str(out)],
                          folder / "run.txt")
-    samples = []
-    end = time.monotonic() + moment_s
-    while time.monotonic() < end and run.popen.poll() is None:
-        samples.append((time.monotonic(), _frames_told(run.text())))
-        time.sleep(0.05)
+    poses = _PoseCounter(out / "logs/lcm-url")
+    try:
+        run.popen.wait(moment_s)
+    except subprocess.TimeoutExpired:
+        pass
     cut = time.monotonic()
     run.kill_all()
-    due = max([frames for when, frames in samples if when < cut - SETTLE_S], default=0)
+    due = poses.count_before(cut - SETTLE_S)
     if not (out / "map.db").exists():
         return due, 0, "" if due == 0 else "there is no map.db"
     recovered = subprocess.run([flight.mapmend(), "recover", str(out)], capture_output=True, text=True, timeout=300,
@@ -52,7 +78,7 @@ def power_cuts(folder, count, seed=1):
     """(moment, due, found, problem) of each."""
     rng = random.Random(seed)
     for i in range(count):
-        moment = rng.uniform(0.2, 9.0)
+        moment = rng.uniform(0.2, 16.0)
         yield (moment, *power_cut(folder / f"cut{i}", moment))
 
 
@@ -130,7 +156,7 @@ def soak(folder, minutes, kill_every_s=10.0, seed=1):
         if code != 0:
             raise flight.Failure(f"the station ends with {code}: " + station.text()[-400:])
         result = flight.read_map(folder / "ground")
-        expected = flights * flight.NUM_FRAMES
+        expected = sum(flight.flown(folder / f"v{i + 1}")[0] for i in range(flights))
         if result.frames_in != expected:
             problem = f"{result.frames_in} of {expected} frames are in the map"
     except flight.Failure as failure:
