@@ -139,9 +139,10 @@ def idle_page(attack, _hub, page):
 ALL = (expressions, idle_clients, large_announcements, deaf_subscriber, flood, garbage, slow_page, idle_page)
 
 
-def fly(attacked_by, folder, page_port):
+def fly(attacked_by, folder):
     """One flight on one host, under any number of attacks at once; returns the map and the latency of tracking in ms (median, 95 %)."""
     flight.fresh(folder)
+    page_port = flight.free_port()
     run = flight.Process([flight.mapmend(), "run", str(flight.FLIGHT / "video.mp4"), *flight.SKIP, "--session", flight.SESSION,
                           "--seed", "1", "--port", str(page_port), "--out", str(folder / "out")], folder / "run.txt")
     attackers = []

@@ -8,6 +8,7 @@ import pathlib
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import time
 
@@ -142,6 +143,13 @@ def read_map(folder):
         summary = json.loads((folder / "summary.json").read_text())
         result.frames_in, result.frames_tracked = summary.get("frames_in", 0), summary.get("frames_tracked", 0)
     return result
+
+
+def free_port():
+    """One that nobody listens on at the moment."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
 
 
 def fresh(folder):

@@ -107,7 +107,8 @@ def soak(folder, minutes, kill_every_s=10.0, seed=1):
     a dictionary of what was seen."""
     flight.fresh(folder)
     rng = random.Random(seed)
-    station = flight.Process([flight.mapmend(), "station", "--port", "17700", "--seed", "1", "--out",
+    port = str(flight.free_port())
+    station = flight.Process([flight.mapmend(), "station", "--port", port, "--seed", "1", "--out",
                               str(folder / "ground")], folder / "ground.txt")
     start = time.monotonic()
     memory = {}  # program: [(s, MB)], of processes that were not just started
@@ -128,7 +129,7 @@ def soak(folder, minutes, kill_every_s=10.0, seed=1):
                 flights += 1
                 vehicle = flight.Process(
                     [flight.mapmend(), "fly", str(flight.FLIGHT / "video.mp4"), *flight.SKIP, "--realtime", "--speed", flight.SPEED,
-                     "--vehicle", f"v{flights}", "--station", "127.0.0.1:17700", "--out", str(folder / f"v{flights}")],
+                     "--vehicle", f"v{flights}", "--station", f"127.0.0.1:{port}", "--out", str(folder / f"v{flights}")],
                     folder / f"v{flights}.txt")
             for program in SERVICES:
                 pid = station.pid_of(program)
