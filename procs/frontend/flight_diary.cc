@@ -37,8 +37,8 @@ void FlightDiary::OnFrame(const Frame& frame, const FrameOutcome& outcome) {
   if (phase_ == Phase::kTracking && is_lost) {
     phase_ = Phase::kLost;
     loss_cause_ = outcome.cause;
-    health_->SetCounter("lost_frame", frame.index);
-    health_->SetCounter("lost_utime", static_cast<double>(frame.utime));
+    health_->SetCounter("lost_frame", last_frame_);
+    health_->SetCounter("lost_utime", static_cast<double>(last_utime_));
     health_->SetCounter("found_frame", -1);
     spdlog::info("frontend: tracking lost at frame {} ({}): {}", frame.index, FormatUtime(frame.utime),
                  Readable(outcome.cause));
@@ -65,7 +65,10 @@ void FlightDiary::OnFrame(const Frame& frame, const FrameOutcome& outcome) {
                             {"submap", submap_.value},
                             {"first_frame", outcome.submap_begin}});
   }
-  if (phase_ == Phase::kTracking) last_frame_ = frame.index;
+  if (phase_ == Phase::kTracking) {
+    last_frame_ = frame.index;
+    last_utime_ = frame.utime;
+  }
 }
 
 void FlightDiary::Count(const std::string& cause, int num_frames) {

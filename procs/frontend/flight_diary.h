@@ -11,8 +11,8 @@ namespace mapmend {
 
 // Tells people what happens to tracking: a line in the log and an event for each loss, each frame found again, each
 // submap; and how many frames had no pose when they came, by cause, in the counters of MAPMEND_HEALTH
-// ("untracked.<cause>"; and "lost_frame", "lost_utime", "found_frame" of the last loss, found_frame -1 while it lasts).
-// It changes nothing of the map.
+// ("untracked.<cause>"; and of the last loss "lost_frame", "lost_utime": the last frame with a pose before it;
+// "found_frame": the first one after it, -1 while it lasts). It changes nothing of the map.
 class FlightDiary {
  public:
   FlightDiary(EventLog* events, HealthReporter* health) : events_(events), health_(health) {}
@@ -36,6 +36,7 @@ class FlightDiary {
   Phase phase_ = Phase::kLooking;
   SubmapId submap_;      // tracked or lost
   int last_frame_ = -1;  // with a pose
+  int64_t last_utime_ = 0;
   std::string loss_cause_;
   bool any_submap_ = false;
   int unconfirmed_ = 0;  // frames with a pose in a submap that is not believed yet

@@ -34,7 +34,7 @@ std::string DescribeFlight(const FlightProgress& p) {
     if (p.merging_s >= 1) text += " and about " + FormatDuration(p.merging_s) + " of merging";
   }
   if (p.lost_frame) {
-    text += ", lost at frame " + std::to_string(*p.lost_frame) + " (" + FormatUtime(p.lost_utime) + ")";
+    text += ", lost after frame " + std::to_string(*p.lost_frame) + " (" + FormatUtime(p.lost_utime) + ")";
     if (p.found_frame) text += ", again from " + std::to_string(*p.found_frame);
   }
   text += ", " + Plural(p.submaps, "submap") + ", " + Plural(p.connections, "connection");

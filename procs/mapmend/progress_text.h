@@ -19,7 +19,7 @@ struct FlightProgress {
   double merging_s = 0;  // what is left to do after the last frame, as far as can be told
 };
 
-// "87/162 frames, 0:04 left and 0:05 of merging, lost at frame 84 (12:19:51), again from 88, 2 submaps, ...": what
+// "87/162 frames, 0:04 left and 0:05 of merging, lost after frame 73 (12:17:30), again from 84, 2 submaps, ...": what
 // matters most comes first, because the end is cut off on a narrow terminal.
 std::string DescribeFlight(const FlightProgress& progress);
 

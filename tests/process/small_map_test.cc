@@ -98,14 +98,6 @@ TEST_F(SmallMapTest, NoOverlap) {
                  "none of the 7 frames is in the map: ", "too little in common");
 }
 
-TEST_F(SmallMapTest, AWrongCameraFile) {
-  std::string camera = ReadText(kFlight + "camera.yaml");
-  camera = std::regex_replace(camera, std::regex("Camera.k1: [-0-9.]+"), "Camera.k1: -0.4");
-  std::ofstream(folder_ / "wrong.yaml") << camera;
-  ExpectSmallMap(Run(kFlight + "video.mp4", {"--camera", folder_ / "wrong.yaml", "--times", kFlight + "times.txt"}),
-                 "only ", "wrong camera file");
-}
-
 TEST_F(SmallMapTest, MostOfTheFlightIsMappedThenAllIsWell) {
   const CommandResult result = Run(kFlight + "video.mp4", {"--skip-frames", "20-171"});
   EXPECT_EQ(result.exit_code, 0) << result.output;

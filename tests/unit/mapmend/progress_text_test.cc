@@ -35,11 +35,12 @@ TEST(DescribeFlight, NamesTheLastLoss) {
   progress.submaps = 1;
   progress.lost_frame = 73;
   progress.lost_utime = 1525003998250000;
-  EXPECT_EQ(DescribeFlight(progress), "80 frames, lost at frame 73 (12:13:18), 1 submap, 0 connections, 0.0 frames/s");
+  EXPECT_EQ(DescribeFlight(progress),
+            "80 frames, lost after frame 73 (12:13:18), 1 submap, 0 connections, 0.0 frames/s");
   progress.found_frame = 84;
   progress.lost_utime = 2433000;  // not a date
   EXPECT_EQ(DescribeFlight(progress),
-            "80 frames, lost at frame 73 (2.433 s), again from 84, 1 submap, 0 connections, 0.0 frames/s");
+            "80 frames, lost after frame 73 (2.433 s), again from 84, 1 submap, 0 connections, 0.0 frames/s");
 }
 
 TEST(EstimateMergingSeconds, GrowsWithTheFlight) {
