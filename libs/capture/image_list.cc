@@ -127,8 +127,9 @@ ImageList ListImages(const std::string& folder) {
   }
   if (!found.passed_over.empty()) {
     std::sort(found.passed_over.begin(), found.passed_over.end(), NaturalLess);
-    std::string text =
-        std::to_string(found.passed_over.size()) + " entries only look like images and are passed over: ";
+    const size_t count = found.passed_over.size();
+    std::string text = std::to_string(count) + (count == 1 ? " entry only looks like an image and is passed over: "
+                                                           : " entries only look like images and are passed over: ");
     constexpr size_t kNamed = 3;
     for (size_t i = 0; i < std::min(kNamed, found.passed_over.size()); ++i)
       text += (i > 0 ? ", " : "") + found.passed_over[i];

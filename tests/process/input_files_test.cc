@@ -92,7 +92,7 @@ TEST_F(InputFilesTest, AFolderThatGrowsIsMappedAsItGrowsUntilCtrlC) {
                      folder_ / "log");
   const auto has_read = [&](int count) {
     return WaitUntil(
-        [&] { return ReadText(folder_ / "log").find(std::to_string(count) + " frames ") != std::string::npos; }, 90);
+        [&] { return ReadText(folder_ / "log").find(std::to_string(count) + " frames") != std::string::npos; }, 90);
   };
   EXPECT_TRUE(has_read(kFrames / 2 - 1)) << ReadText(folder_ / "log");
   for (const std::string& path : late) {
