@@ -153,6 +153,7 @@ void WorkOnFile(EdgesOptions options) {
   options.file.place = FindMap(options.map);
   std::optional<edge_decisions_t> decisions;
   std::optional<edge_decision_t> decision;
+  std::vector<std::string> problems;
   {
     MapFile map(options.file);
     const EdgeTable table = ReadTable(map.backend(), options.file.place.db);
@@ -176,12 +177,16 @@ void WorkOnFile(EdgesOptions options) {
     decisions = Decide(&store, {*decision});
     const std::string exports = map.Finish([&](const std::string& text) { progress.Show(text); });
     if (!exports.empty()) progress.Say(exports);
+    problems = map.Problems();
   }
   options.file.with_merger = false;
   options.file.out.clear();
-  MapFile map(options.file);
-  Print(options, ReadTable(map.backend(), options.file.place.db), decisions->decisions);
-  map.backend()->StopAll();
+  {
+    MapFile map(options.file);
+    Print(options, ReadTable(map.backend(), options.file.place.db), decisions->decisions);
+    map.backend()->StopAll();
+  }
+  TellProblems(options.file.place, problems);
 }
 
 void Work(const EdgesOptions& options) {

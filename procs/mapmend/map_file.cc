@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
@@ -215,6 +216,15 @@ std::string MapFile::Finish(const std::function<void(const std::string&)>& show)
   figures.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (options_.with_merger) TakeOver();
   return options_.out.empty() ? "" : FinishRun(options_.out, figures, options_.place.db);
+}
+
+void TellProblems(const MapPlace& place, const std::vector<std::string>& problems) {
+  if (problems.empty()) return;
+  for (const std::string& problem : problems) std::fprintf(stderr, "mapmend: %s\n", problem.c_str());
+  std::fprintf(stderr,
+               "mapmend: what is sound is mapped; the file as it was is %s.damaged, `mapmend db repair` may mend it\n",
+               place.db.c_str());
+  throw CLI::RuntimeError(kExitInputCutShort);
 }
 
 }  // namespace mapmend

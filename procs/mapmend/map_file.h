@@ -60,4 +60,8 @@ class MapFile {
   std::unique_ptr<Backend> backend_;
 };
 
+// Says on stderr what of a map was damaged and is left out, and ends the command with kExitInputCutShort; nothing if
+// there is nothing to say. Not while a MapFile lives: it has stderr in its log.
+void TellProblems(const MapPlace& place, const std::vector<std::string>& problems);
+
 }  // namespace mapmend

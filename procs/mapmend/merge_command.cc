@@ -13,22 +13,17 @@ namespace {
 void Work(const MapFileOptions& options, const std::string& done) {
   InstallSignalHandlers();
   Progress progress;
+  std::vector<std::string> problems;
   try {
     MapFile map(options);
     const std::string table = map.Finish([&](const std::string& text) { progress.Show(text); });
     progress.Say(table.empty() ? done : table);
-    for (const std::string& problem : map.Problems()) std::fprintf(stderr, "mapmend: %s\n", problem.c_str());
-    if (!map.Problems().empty()) {
-      std::fprintf(
-          stderr,
-          "mapmend: what is sound is mapped; the file as it was is %s.damaged, `mapmend db repair` may mend it\n",
-          options.place.db.c_str());
-      throw CLI::RuntimeError(kExitInputCutShort);
-    }
+    problems = map.Problems();
   } catch (const Interrupted&) {
     progress.Say("interrupted");
     throw CLI::RuntimeError(kExitInterrupted);
   }
+  TellProblems(options.place, problems);  // the MapFile, while there is one, has stderr in its log
 }
 
 void AddCommonOptions(CLI::App* sub, std::string* map, MapFileOptions* options) {
