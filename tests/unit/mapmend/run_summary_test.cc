@@ -24,6 +24,7 @@ class RunSummaryTest : public testing::Test {
 TEST_F(RunSummaryTest, AddsWhatOnlyTheLauncherKnowsAndKeepsTheRest) {
   WriteFile(out_ + "/summary.json", R"({"frames_in": 172, "ate_rmse_m": 0.15})");
   LauncherFigures figures;
+  figures.title = "Monday";
   figures.wall_s = 64.25;
   figures.track_ms_median = 14.5;
   figures.track_ms_p95 = 37.25;
@@ -31,7 +32,7 @@ TEST_F(RunSummaryTest, AddsWhatOnlyTheLauncherKnowsAndKeepsTheRest) {
   CompleteSummary(out_, figures);
   const auto summary = nlohmann::json::parse(ReadFile(out_ + "/summary.json"));
   EXPECT_EQ(summary, nlohmann::json::parse(R"({
-    "frames_in": 172, "ate_rmse_m": 0.15, "wall_s": 64.25, "frontend": {"track_ms_median": 14.5, "track_ms_p95": 37.25},
+    "frames_in": 172, "ate_rmse_m": 0.15, "title": "Monday", "wall_s": 64.25, "frontend": {"track_ms_median": 14.5, "track_ms_p95": 37.25},
     "processes": [{"name": "hub", "cpu_s": 0.5, "peak_rss_mb": 70}, {"name": "frontend", "cpu_s": 12.25, "peak_rss_mb": 122}]})"));
 }
 
@@ -68,7 +69,9 @@ TEST_F(RunSummaryTest, TellsWhatWasDroppedAndRefused) {
   figures.readout_ms = 34.56;
   CompleteSummary(out_, figures);
   const auto summary = nlohmann::json::parse(ReadFile(out_ + "/summary.json"));
-  EXPECT_EQ(summary["frontend"], nlohmann::json::parse(R"({"mode": "live", "frames_dropped": 12, "frames_left_out": 0, "bad_messages": 2})"));
+  EXPECT_EQ(
+      summary["frontend"],
+      nlohmann::json::parse(R"({"mode": "live", "frames_dropped": 12, "frames_left_out": 0, "bad_messages": 2})"));
   const std::string table = FormatSummaryTable(out_);
   EXPECT_NE(table.find("  dropped      12 frames that came while the frontend was busy\n"), std::string::npos) << table;
   EXPECT_NE(table.find("  refused      2 images that were no good"), std::string::npos) << table;

@@ -2,14 +2,27 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
+
 #include "tests/unit/viewer_export/test_flight.h"
 
 namespace mapmend {
 namespace {
 
+// The model of a flight that ends with this frame; each record may be changed before.
+MapModel ModelEnding(const TestFlight& flight, int last_frame, const std::function<void(Record*)>& change = {}) {
+  MapModel model;
+  for (Record record : flight.Records()) {
+    if (std::holds_alternative<SessionEnded>(record.body)) record.header.utime = TestFlight::Utime(last_frame);
+    if (change) change(&record);
+    EXPECT_EQ(model.Apply(record), "");
+  }
+  return model;
+}
+
 TEST(FindHoles, AMapInOnePieceHasAHoleWhereItBridgesALoss) {
   const TestFlight flight;
-  MapModel model = MakeModel(flight);
+  MapModel model = ModelEnding(flight, 44);
   model.SetRevision(flight.Revision());
   const std::vector<MapHole> holes = FindHoles(MakeSnapshot(model));
   ASSERT_EQ(holes.size(), 1u);
@@ -24,7 +37,7 @@ TEST(FindHoles, FramesOfAnotherPartAreLackingInTheMainMap) {
   TestFlightOptions options;
   options.num_submaps = 3;
   const TestFlight flight(options);
-  MapModel model = MakeModel(flight);
+  MapModel model = ModelEnding(flight, 69);
   MapRevision merged = flight.Revision();
   merged.submaps[0].component = merged.submaps[2].component = 0;
   merged.submaps[1].component = 1;
@@ -38,11 +51,7 @@ TEST(FindHoles, FramesOfAnotherPartAreLackingInTheMainMap) {
 
 TEST(FindHoles, TheEndOfTheFlightMayBeLacking) {
   const TestFlight flight;
-  MapModel model;
-  for (Record record : flight.Records()) {
-    if (std::holds_alternative<SessionEnded>(record.body)) record.header.utime = TestFlight::Utime(64);
-    ASSERT_EQ(model.Apply(record), "");
-  }
+  MapModel model = ModelEnding(flight, 64);
   model.SetRevision(flight.Revision());
   const std::vector<MapHole> holes = FindHoles(MakeSnapshot(model));
   ASSERT_EQ(holes.size(), 2u);
@@ -53,15 +62,13 @@ TEST(FindHoles, TheEndOfTheFlightMayBeLacking) {
 
 TEST(FindHoles, WhereEveryOtherFrameIsMappedTheOthersAreNotLacking) {
   const TestFlight flight;
-  MapModel model;
-  for (Record record : flight.Records()) {
-    // Twice as many frames lie in the input: only the even ones were read.
-    if (auto* keyframe = std::get_if<KeyframeRecord>(&record.body)) keyframe->frame *= 2;
-    if (auto* update = std::get_if<MapUpdate>(&record.body)) {
+  // Twice as many frames lie in the input: only the even ones were read.
+  MapModel model = ModelEnding(flight, 44, [](Record* record) {
+    if (auto* keyframe = std::get_if<KeyframeRecord>(&record->body)) keyframe->frame *= 2;
+    if (auto* update = std::get_if<MapUpdate>(&record->body)) {
       for (TrackedFrame& frame : update->frames) frame.frame *= 2;
     }
-    ASSERT_EQ(model.Apply(record), "");
-  }
+  });
   model.SetRevision(flight.Revision());
   const std::vector<MapHole> holes = FindHoles(MakeSnapshot(model));
   ASSERT_EQ(holes.size(), 1u);
