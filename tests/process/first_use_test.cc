@@ -16,9 +16,10 @@ using Json = nlohmann::json;
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
 
-CommandResult Call(std::vector<std::string> words) {
-  words.insert(words.begin(), kProgram);
-  return RunCommand(words, 300);
+CommandResult Call(const std::vector<std::string>& words) {
+  std::vector<std::string> command = {kProgram};
+  command.insert(command.end(), words.begin(), words.end());
+  return RunCommand(command, 300);
 }
 
 std::vector<std::string> RunWords(const std::string& out, const std::vector<std::string>& more) {

@@ -51,7 +51,7 @@ TEST_P(Hanging, IsReplacedWithinTenSeconds) {
 
 INSTANTIATE_TEST_SUITE_P(EachProcess, Hanging,
                          testing::Values("submap_store", "merger", "viewer_export", "frontend", kHub),
-                         [](const auto& info) { return "Process" + std::to_string(info.index); });
+                         [](const auto& parameter) { return "Process" + std::to_string(parameter.index); });
 
 TEST(Supervision, AViewerThatKeepsDyingDoesNotEndTheFlight) {
   const TemporaryFolder folder;
