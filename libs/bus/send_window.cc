@@ -34,13 +34,23 @@ void SendWindow::OnMissing(const std::vector<int64_t>& missing) {
     const auto it = entries_.find(seq);
     if (it == entries_.end()) continue;
     it->second.is_asked = true;
-    it->second.is_lost = it->second.is_sent && it->second.sending < newest_held;
+    it->second.is_lost = it->second.is_sent && (it->second.sending < newest_held || it->second.is_of_old_connection);
   }
 }
 
 void SendWindow::OnNewConnection() {
   timer_.Reset();
-  for (auto& [seq, entry] : entries_) entry.is_timed = false;
+  for (auto& [seq, entry] : entries_) {
+    entry.is_timed = false;
+    entry.is_of_old_connection = entry.is_sent;
+    entry.num_attempts = 0;
+  }
+}
+
+// Each attempt waits twice as long as the one before: the measured times are of records that were sent once.
+std::chrono::milliseconds SendWindow::Patience(const Entry& entry) const {
+  constexpr std::chrono::milliseconds kMost(60000);
+  return std::min(kMost, timer_.Timeout() * (1 << std::clamp(entry.num_attempts - 1, 0, 10)));
 }
 
 void SendWindow::SendDue(Clock::time_point now, const std::function<bool(const EncodedRecord&)>& send) {
@@ -49,15 +59,16 @@ void SendWindow::SendDue(Clock::time_point now, const std::function<bool(const E
     const bool is_oldest = std::exchange(is_first, false);
     if (entry.is_sent && !entry.is_lost) {
       const auto since = now - entry.last_sent;
-      const bool is_due = entry.is_asked ? since >= timer_.Timeout()
-                                         : is_oldest && since >= std::max(resend_unasked_, timer_.Timeout());
+      const bool is_due =
+          entry.is_asked ? since >= Patience(entry) : is_oldest && since >= std::max(resend_unasked_, Patience(entry));
       if (!is_due) continue;
     }
     if (!send(entry.record)) return;
     entry.last_sent = now;
     entry.sending = ++num_sendings_;
     entry.is_asked = entry.is_lost = false;
-    if (!entry.is_sent) {
+    ++entry.num_attempts;
+    if (!entry.is_sent || std::exchange(entry.is_of_old_connection, false)) {
       entry.is_sent = entry.is_timed = true;
       entry.first_sent = now;
     }

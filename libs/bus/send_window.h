@@ -29,7 +29,8 @@ class SendWindow {
   void Acknowledge(int64_t cumulative, Clock::time_point now);
   // What the store says is missing; numbers that are not in the window do not matter.
   void OnMissing(const std::vector<int64_t>& missing);
-  // What went over the old one may be lost, and says nothing about how long the new one takes.
+  // What went over the old one may be lost, and says nothing about how long the new one takes: what the store lacks of
+  // it is sent once more, when it says so.
   void OnNewConnection();
   // Calls send for each record that is due, oldest first, until it returns false.
   void SendDue(Clock::time_point now, const std::function<bool(const EncodedRecord&)>& send);
@@ -41,8 +42,12 @@ class SendWindow {
     int64_t sending = 0;  // number of its last sending, in order over all records
     bool is_sent = false, is_timed = false;
     bool is_asked = false;  // the store said that it is missing
-    bool is_lost = false;   // and has what was sent later
+    bool is_lost = false;   // and has what was sent later, or has it not from the connection before
+    bool is_of_old_connection = false;
+    int num_attempts = 0;  // over this connection
   };
+  std::chrono::milliseconds Patience(const Entry& entry) const;
+
   std::chrono::milliseconds resend_unasked_;
   std::map<int64_t, Entry> entries_;  // by seq
   int64_t bytes_ = 0, num_sendings_ = 0;
