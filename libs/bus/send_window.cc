@@ -18,6 +18,7 @@ void SendWindow::Acknowledge(int64_t cumulative, Clock::time_point now) {
     if (entry.is_timed) timer_.OnAcknowledged(now - entry.first_sent);
     bytes_ -= static_cast<int64_t>(entry.record.data.size());
     entries_.erase(entries_.begin());
+    last_progress_ = now;
   }
 }
 
@@ -58,7 +59,8 @@ void SendWindow::SendDue(Clock::time_point now, const std::function<bool(const E
   for (auto& [seq, entry] : entries_) {
     const bool is_oldest = std::exchange(is_first, false);
     if (entry.is_sent && !entry.is_lost) {
-      const auto since = now - entry.last_sent;
+      // As long as those before it arrive, it is behind them.
+      const auto since = now - std::max(entry.last_sent, last_progress_);
       const bool is_due =
           entry.is_asked ? since >= Patience(entry) : is_oldest && since >= std::max(resend_unasked_, Patience(entry));
       if (!is_due) continue;
@@ -66,12 +68,13 @@ void SendWindow::SendDue(Clock::time_point now, const std::function<bool(const E
     if (!send(entry.record)) return;
     entry.last_sent = now;
     entry.sending = ++num_sendings_;
-    entry.is_asked = entry.is_lost = false;
-    ++entry.num_attempts;
-    if (!entry.is_sent || std::exchange(entry.is_of_old_connection, false)) {
+    // Whether the store has what went over the connection before is known only when it has said so.
+    if (!entry.is_sent || (entry.is_of_old_connection && entry.is_asked)) {
       entry.is_sent = entry.is_timed = true;
       entry.first_sent = now;
     }
+    entry.is_asked = entry.is_lost = entry.is_of_old_connection = false;
+    ++entry.num_attempts;
   }
 }
 

@@ -51,6 +51,7 @@ class SendWindow {
   std::chrono::milliseconds resend_unasked_;
   std::map<int64_t, Entry> entries_;  // by seq
   int64_t bytes_ = 0, num_sendings_ = 0;
+  Clock::time_point last_progress_;  // when something was acknowledged
   ResendTimer timer_;
 };
 

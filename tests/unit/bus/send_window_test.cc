@@ -95,7 +95,7 @@ TEST_F(SendWindowTest, AfterACutSendsOnceWhatTheStoreLacksHoweverSlowTheNewConne
     window_.Acknowledge(next, now_);
   }
   EXPECT_GE(num_sent, 15u);
-  EXPECT_LE(num_sent, 40u);  // while it is not known how slow it is, some are sent twice or three times
+  EXPECT_LE(num_sent, 35u);  // before the first has come, it is not known how slow it is
 }
 
 TEST_F(SendWindowTest, GoesOnWhereTheBusRefused) {
