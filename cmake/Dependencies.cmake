@@ -46,6 +46,10 @@ foreach(module core imgproc imgcodecs videoio features2d calib3d)
   target_link_libraries(mapmend_opencv INTERFACE ${OPENCV_${module}_LIBRARY})
 endforeach()
 
+# GStreamer itself, only to check a pipeline before OpenCV opens it: with a wrong one OpenCV 4.6 waits for ever.
+find_package(PkgConfig REQUIRED)
+pkg_check_modules(GSTREAMER REQUIRED IMPORTED_TARGET gstreamer-1.0)
+
 # Videos: OpenCV's own reader cannot choose a track, and knows neither edit lists nor times of its frames to the end.
 add_library(mapmend_libav INTERFACE)
 find_path(LIBAV_INCLUDE_DIR libavformat/avformat.h REQUIRED)

@@ -1,5 +1,7 @@
 #include "libs/capture/device_images.h"
 
+#include <gst/gst.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -31,6 +33,18 @@ std::string Pipeline(const std::string& source) {
   return pipeline + " ! videoconvert ! video/x-raw,format=BGR ! appsink drop=true max-buffers=4 sync=false";
 }
 
+// Why GStreamer refuses a pipeline; empty: it does not. OpenCV would wait for a pipeline with unknown elements for
+// ever.
+std::string PipelineProblem(const std::string& pipeline) {
+  GError* error = nullptr;
+  if (!gst_init_check(nullptr, nullptr, nullptr)) return "GStreamer cannot be started";
+  GstElement* element = gst_parse_launch_full(pipeline.c_str(), nullptr, GST_PARSE_FLAG_FATAL_ERRORS, &error);
+  const std::string problem = error != nullptr ? error->message : "";
+  g_clear_error(&error);
+  if (element != nullptr) gst_object_unref(element);
+  return problem;
+}
+
 }  // namespace
 
 class DeviceImages::Camera {
@@ -46,10 +60,12 @@ class DeviceImages::Device : public Camera {
     setenv("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "5", 0);  // seconds; 10 are OpenCV's own
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
     const bool is_pipeline = source.starts_with("gst:");
-    if (!(is_pipeline ? capture_.open(Pipeline(source), cv::CAP_GSTREAMER) : capture_.open(source, cv::CAP_V4L2))) {
-      throw std::runtime_error("source " + source + " cannot be opened" +
-                               (is_pipeline ? ": no such pipeline, or elements of GStreamer are not installed" : ""));
+    std::string problem = is_pipeline ? PipelineProblem(Pipeline(source)) : "";
+    if (problem.empty() &&
+        !(is_pipeline ? capture_.open(Pipeline(source), cv::CAP_GSTREAMER) : capture_.open(source, cv::CAP_V4L2))) {
+      problem = is_pipeline ? "the pipeline does not start" : "no such device, or no camera";
     }
+    if (!problem.empty()) throw std::runtime_error("source " + source + " cannot be opened: " + problem);
   }
   bool Read(cv::Mat* image, std::optional<int64_t>* utime) override {
     if (!capture_.read(*image) || image->empty()) return false;

@@ -5,6 +5,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <cerrno>
+#include <chrono>
 #include <stdexcept>
 #include <string>
 
@@ -28,8 +30,10 @@ class RawClient {
 
   void SendRaw(const std::string& bytes) {
     size_t sent = 0;
-    for (int tries = 0; sent < bytes.size() && tries < 2000; ++tries) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    while (sent < bytes.size() && std::chrono::steady_clock::now() < end) {
       const ssize_t n = send(fd_, bytes.data() + sent, bytes.size() - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
+      if (n < 0 && errno != EAGAIN && errno != EWOULDBLOCK) break;  // disconnected
       if (n > 0) sent += static_cast<size_t>(n);
       hub_->Spin(1);
     }
