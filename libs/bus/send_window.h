@@ -12,9 +12,9 @@
 namespace mapmend {
 
 // The records of one session that are on their way, and when each is to be sent again. A record that the store says is
-// missing is lost if the store has a later one that was sent after it (the bus keeps the order), or if it was sent
-// longer ago than acknowledgements take. While the store says nothing, only the oldest is sent again now and then: the
-// store asks for what it lacks as soon as it hears a heartbeat. Not thread-safe.
+// missing is lost if the store has one that was sent after it (the bus keeps the order). If there is no progress for
+// longer than acknowledgements take, the oldest is sent again, ever more rarely: when it comes, the rest is known to be
+// lost, or follows. So a slow link is never filled with what is on its way already. Not thread-safe.
 class SendWindow {
  public:
   using Clock = std::chrono::steady_clock;
@@ -33,25 +33,29 @@ class SendWindow {
   // it is sent once more, when it says so.
   void OnNewConnection();
   // Calls send for each record that is due, oldest first, until it returns false.
-  void SendDue(Clock::time_point now, const std::function<bool(const EncodedRecord&)>& send);
+  using Sending = std::function<bool(const EncodedRecord&)>;
+  void SendDue(Clock::time_point now, const Sending& send);
 
  private:
   struct Entry {
     EncodedRecord record;
     Clock::time_point first_sent, last_sent;
-    int64_t sending = 0;  // number of its last sending, in order over all records
+    int64_t first_sending = 0, sending = 0;  // numbers of its first and last sending, in order over all records
+    int num_attempts = 0;
     bool is_sent = false, is_timed = false;
-    bool is_asked = false;  // the store said that it is missing
-    bool is_lost = false;   // and has what was sent later, or has it not from the connection before
-    bool is_of_old_connection = false;
-    int num_attempts = 0;  // over this connection
+    bool is_asked = false;              // the store said that it is missing
+    bool is_lost = false;               // and has what was sent later, or has it not from the connection before
+    bool is_of_old_connection = false;  // it was not sent since
   };
-  std::chrono::milliseconds Patience(const Entry& entry) const;
+  bool Send(Entry* entry, Clock::time_point now, const Sending& send);
 
   std::chrono::milliseconds resend_unasked_;
   std::map<int64_t, Entry> entries_;  // by seq
   int64_t bytes_ = 0, num_sendings_ = 0;
-  Clock::time_point last_progress_;  // when something was acknowledged
+  int64_t newest_come_ = -1;  // number of the newest sending that has certainly come
+  Clock::time_point last_progress_;
+  int backoff_ = 0;  // patience has run out so often in a row
+  int burst_ = 1;    // records sent again when it does: more, while that is what makes progress
   ResendTimer timer_;
 };
 
