@@ -36,6 +36,9 @@ constexpr const char* kResults[] = {"map.db",     "map.db-wal",     "map.db-shm"
 bool HoldsMap(const std::string& path) {
   std::error_code error;
   if (!fs::exists(path, error)) return false;
+  constexpr std::uintmax_t kLeastPage = 512;  // SQLite takes less for an empty database, whatever it is
+  const std::uintmax_t size = fs::file_size(path, error);
+  if (!error && size > 0 && size < kLeastPage) return true;
   try {
     SQLite::Database database(path, SQLite::OPEN_READWRITE);
     if (!database.tableExists("keyframe"))
