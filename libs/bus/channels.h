@@ -10,6 +10,7 @@ inline constexpr char kSubmap[] = "MAPMEND_SUBMAP";
 inline constexpr char kKeyframe[] = "MAPMEND_KEYFRAME";
 inline constexpr char kMapUpdate[] = "MAPMEND_MAP_UPDATE";
 inline constexpr char kAck[] = "MAPMEND_ACK";
+inline constexpr char kStoreStarted[] = "MAPMEND_STORE_STARTED";
 inline constexpr char kStreamState[] = "MAPMEND_STREAM_STATE";
 inline constexpr char kBowQuery[] = "MAPMEND_BOW_QUERY";
 inline constexpr char kBowResult[] = "MAPMEND_BOW_RESULT";

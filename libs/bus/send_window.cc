@@ -47,17 +47,17 @@ void SendWindow::OnMissing(const std::vector<int64_t>& missing) {
     if (it == entries_.end()) continue;
     Entry& entry = it->second;
     entry.is_asked = true;
-    entry.is_lost = entry.is_sent && (entry.sending < newest_come_ || entry.is_of_old_connection);
+    entry.is_lost = entry.is_sent && (entry.sending < newest_come_ || entry.is_of_old_peer);
   }
 }
 
-void SendWindow::OnNewConnection() {
+void SendWindow::OnNewPeer() {
   timer_.Reset();
   backoff_ = 0;
   burst_ = 1;
   for (auto& [seq, entry] : entries_) {
     entry.is_timed = false;
-    entry.is_of_old_connection = entry.is_sent;
+    entry.is_of_old_peer = entry.is_sent;
   }
 }
 
@@ -67,13 +67,13 @@ bool SendWindow::Send(Entry* entry, Clock::time_point now, const Sending& send) 
   entry->sending = ++num_sendings_;
   ++entry->num_attempts;
   // Whether the store has what went over the connection before is known only when it has said so.
-  if (!entry->is_sent || (entry->is_of_old_connection && entry->is_asked)) {
+  if (!entry->is_sent || (entry->is_of_old_peer && entry->is_asked)) {
     entry->is_sent = entry->is_timed = true;
     entry->first_sent = now;
     entry->first_sending = entry->sending;
     entry->num_attempts = 1;
   }
-  entry->is_asked = entry->is_lost = entry->is_of_old_connection = false;
+  entry->is_asked = entry->is_lost = entry->is_of_old_peer = false;
   return true;
 }
 

@@ -29,9 +29,9 @@ class SendWindow {
   void Acknowledge(int64_t cumulative, Clock::time_point now);
   // What the store says is missing; numbers that are not in the window do not matter.
   void OnMissing(const std::vector<int64_t>& missing);
-  // What went over the old one may be lost, and says nothing about how long the new one takes: what the store lacks of
-  // it is sent once more, when it says so.
-  void OnNewConnection();
+  // Another connection, or another store. What went to the old one may be lost, and says nothing about how long the new
+  // one takes: what the store lacks of it is sent once more, when it says so.
+  void OnNewPeer();
   // Calls send for each record that is due, oldest first, until it returns false.
   using Sending = std::function<bool(const EncodedRecord&)>;
   void SendDue(Clock::time_point now, const Sending& send);
@@ -43,9 +43,9 @@ class SendWindow {
     int64_t first_sending = 0, sending = 0;  // numbers of its first and last sending, in order over all records
     int num_attempts = 0;
     bool is_sent = false, is_timed = false;
-    bool is_asked = false;              // the store said that it is missing
-    bool is_lost = false;               // and has what was sent later, or has it not from the connection before
-    bool is_of_old_connection = false;  // it was not sent since
+    bool is_asked = false;        // the store said that it is missing
+    bool is_lost = false;         // and has what was sent later, or has it not from the connection before
+    bool is_of_old_peer = false;  // it was not sent since
   };
   bool Send(Entry* entry, Clock::time_point now, const Sending& send);
 

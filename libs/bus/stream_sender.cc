@@ -8,6 +8,7 @@
 #include <condition_variable>
 #include <deque>
 #include <mapmend/ack_t.hpp>
+#include <mapmend/store_started_t.hpp>
 #include <mapmend/stream_state_t.hpp>
 #include <mutex>
 #include <optional>
@@ -58,7 +59,8 @@ struct StreamSender::Impl {
   Clock::time_point last_heartbeat, last_sync;
   std::atomic<bool> stop{false};
   std::thread thread;
-  Subscription acks;
+  int64_t store_incarnation = -1;  // -1: not heard of yet
+  Subscription acks, starts;
 
   Impl(Bus* b, const std::string& s, const StreamSenderOptions& o)
       : bus(b), session(s), options(o), outbox(o.outbox_path, o.max_memory_bytes), window(o.resend_unasked_ms) {
@@ -101,6 +103,12 @@ struct StreamSender::Impl {
     progress.notify_all();
   }
 
+  // Inside Handle, as the next.
+  void OnStoreStarted(const store_started_t& message) {
+    if (store_incarnation >= 0 && store_incarnation != message.incarnation) window.OnNewPeer();
+    store_incarnation = message.incarnation;
+  }
+
   // From the queue to the outbox; may wait for the disk.
   void KeepAppended() {
     for (;;) {
@@ -140,7 +148,7 @@ struct StreamSender::Impl {
   void SendDue() {
     if (const int64_t number = bus->ConnectionNumber(); number != connection) {
       connection = number;
-      window.OnNewConnection();
+      window.OnNewPeer();
       const std::lock_guard<std::mutex> lock(mutex);
       was_acknowledged = false;
     }
@@ -186,6 +194,9 @@ StreamSender::StreamSender(Bus* bus, const std::string& session, const StreamSen
     : impl_(std::make_unique<Impl>(bus, session, options)) {
   impl_->acks = bus->Subscribe<ack_t>(channels::kAck, Delivery::kKeepAll,
                                       [impl = impl_.get()](const ack_t& ack) { impl->OnAck(ack); });
+  impl_->starts = bus->Subscribe<store_started_t>(
+      channels::kStoreStarted, Delivery::kKeepAll,
+      [impl = impl_.get()](const store_started_t& message) { impl->OnStoreStarted(message); });
   impl_->thread = std::thread([impl = impl_.get()] { impl->Run(); });
 }
 

@@ -3,6 +3,8 @@
 #include <spdlog/spdlog.h>
 
 #include <chrono>
+#include <mapmend/store_started_t.hpp>
+#include <random>
 
 #include "libs/bus/channels.h"
 
@@ -20,7 +22,9 @@ int64_t SteadyMs() {
 
 }  // namespace
 
-StoreAdapter::StoreAdapter(Bus* bus, SubmapStore* store) : bus_(bus), store_(store), health_(bus, "submap_store") {
+StoreAdapter::StoreAdapter(Bus* bus, SubmapStore* store)
+    : bus_(bus), store_(store), health_(bus, "submap_store"), incarnation_(std::random_device{}()) {
+  TellIncarnation();
   for (const char* channel : kRecordChannels) {
     subscriptions_.push_back(
         bus->SubscribeRaw(channel, Delivery::kKeepAll, [this, channel](const uint8_t* data, int size) {
@@ -100,6 +104,12 @@ void StoreAdapter::Spin(int timeout_ms) {
   ReportHealth(now);
 }
 
+void StoreAdapter::TellIncarnation() {
+  store_started_t message{};
+  message.incarnation = incarnation_;
+  bus_->Publish(channels::kStoreStarted, message);
+}
+
 void StoreAdapter::ReportHealth(int64_t now_ms) {
   if (now_ms - last_health_ms_ < kHealthIntervalMs) {
     health_.Tick();
@@ -109,6 +119,7 @@ void StoreAdapter::ReportHealth(int64_t now_ms) {
   const SubmapStore::Status status = store_->GetStatus(now_ms);
   const double seconds = last_health_ms_ == 0 ? 1.0 : 1e-3 * static_cast<double>(now_ms - last_health_ms_);
   last_health_ms_ = now_ms;
+  TellIncarnation();
   for (const auto& [session, seq] : status.cursors) health_.SetCursor(session, seq);
   health_.SetQueueDepth(status.queue_depth);
   health_.SetCounter("records", static_cast<double>(status.records));

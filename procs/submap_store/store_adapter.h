@@ -23,12 +23,14 @@ class StoreAdapter {
   template <typename Request, typename Reply>
   void Serve(const char* request_channel, const char* reply_channel, std::function<Reply(const Request&)> answer);
   void ReportHealth(int64_t now_ms);
+  void TellIncarnation();
 
   Bus* bus_;
   SubmapStore* store_;
   HealthReporter health_;
   RequestQueue requests_;
   int64_t last_ack_ms_ = 0, last_health_ms_ = 0, last_records_ = 0;
+  const int64_t incarnation_;
   bool has_background_work_ = true;
   std::vector<Subscription> subscriptions_;
 };

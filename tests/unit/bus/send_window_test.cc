@@ -78,7 +78,7 @@ TEST_F(SendWindowTest, AfterACutSendsOnceWhatTheStoreLacksHoweverSlowTheNewConne
   for (int64_t seq = 0; seq < 20; ++seq) Add(seq);
   Send();
   now_ += milliseconds(60000);
-  window_.OnNewConnection();
+  window_.OnNewPeer();
   EXPECT_EQ(Send(), Seqs{0});  // nobody has said anything yet
   // The first five had come before the cut. The others take 400 ms each, and the store asks for them twenty times a
   // second meanwhile.
@@ -108,7 +108,7 @@ TEST_F(SendWindowTest, GoesOnWhereTheBusRefused) {
 TEST_F(SendWindowTest, ALongOutageSaysNothingOfHowLongTheNewConnectionTakes) {
   Add(0);
   Send();
-  window_.OnNewConnection();
+  window_.OnNewPeer();
   now_ += milliseconds(60000);
   window_.Acknowledge(0, now_);
   Add(1);
