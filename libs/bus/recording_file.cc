@@ -4,6 +4,7 @@
 #include <cstring>
 #include <filesystem>
 #include <stdexcept>
+#include <tuple>
 
 namespace mapmend {
 namespace {
@@ -131,6 +132,27 @@ bool RecordingFile::Next(LoggedEvent* event) {
     }
   }
   return false;
+}
+
+std::vector<std::string> FindLogs(const std::vector<std::string>& paths) {
+  std::vector<std::string> logs;
+  for (const std::string& path : paths) {
+    if (!std::filesystem::is_directory(path)) {
+      logs.push_back(path);
+      continue;
+    }
+    std::vector<std::tuple<int64_t, std::string>> parts;  // by the time of their first event
+    for (const auto& entry : std::filesystem::directory_iterator(path)) {
+      const std::string file = entry.path().string();
+      if (!entry.is_regular_file() || !RecordingFile::IsLog(file)) continue;
+      LoggedEvent first;
+      if (RecordingFile(file).Next(&first)) parts.emplace_back(first.utime, file);
+    }
+    if (parts.empty()) throw std::runtime_error(path + ": holds no recording of lcm-logger");
+    std::sort(parts.begin(), parts.end());
+    for (const auto& [utime, file] : parts) logs.push_back(file);
+  }
+  return logs;
 }
 
 }  // namespace mapmend

@@ -57,4 +57,8 @@ class RecordingFile {
   bool has_torn_end_ = false;
 };
 
+// The logs that a person names: files as they are, of a folder all recordings in it (parts of lcm-logger --split or
+// --rotate), in the order in which they were recorded. Throws std::runtime_error naming a folder without one.
+std::vector<std::string> FindLogs(const std::vector<std::string>& paths);
+
 }  // namespace mapmend

@@ -38,6 +38,8 @@ class Clip {
   virtual std::string FrameName() const = 0;
   // After the end: why there may be more than was read; empty if all was there.
   virtual std::string Cut() const { return {}; }
+  // After the end: what of the stored bytes could not be read in between; empty if nothing.
+  virtual std::string Missing() const { return {}; }
   // Width and height that most of its frames have; {0, 0} if none can be read.
   virtual std::pair<int, int> UsualSize() const = 0;
 

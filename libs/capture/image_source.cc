@@ -78,10 +78,18 @@ ImageSource::ImageSource(const SourceOptions& options) : options_(options) {
 ImageSource::~ImageSource() = default;
 
 void ImageSource::OpenClips() {
+  std::error_code error;
+  for (const std::string& input : options_.inputs) {
+    if (!fs::exists(input, error)) throw std::runtime_error("input " + input + " does not exist");
+  }
+  if (options_.open_other) {
+    if (auto clip = options_.open_other(options_.inputs)) {
+      clips_.push_back(std::move(clip));
+      return;
+    }
+  }
   std::vector<std::string> images;
   for (const std::string& input : options_.inputs) {
-    std::error_code error;
-    if (!fs::exists(input, error)) throw std::runtime_error("input " + input + " does not exist");
     if (fs::is_directory(input, error)) {
       clips_.push_back(OpenFolderClip(input));
     } else if (HasImageName(input)) {
@@ -182,6 +190,8 @@ bool ImageSource::GrabNext() {
       Miss("input " + facts.name + ": ends after " + std::to_string(index_in_clip_ + 1) +
            (announced > index_in_clip_ + 1 ? " of " + std::to_string(announced) : "") + " frames; " + cut);
     }
+    if (const std::string missing = clips_[clip_]->Missing(); !missing.empty())
+      Miss("input " + facts.name + ": " + missing);
     ++clip_;
     BeginClip();
   }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <mutex>
@@ -23,6 +24,8 @@ std::set<int> ParseFrameRanges(const std::string& text);
 struct SourceOptions {
   // Videos, folders of images, or images; the clips of one flight, in order.
   std::vector<std::string> inputs;
+  // Asked first, with all inputs, for those that another library knows to read; may be empty, or give null.
+  std::function<std::unique_ptr<Clip>(const std::vector<std::string>&)> open_other;
   std::string times_path;  // one time per frame of all inputs; empty: the inputs' own times, else a rate
   double camera_fps = 0;   // that rate where the input has none; 0: 30
   std::set<int> skip;      // indices of frames to leave out

@@ -8,8 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "procs/frontend/foreign_image.h"
-#include "procs/frontend/image_message.h"
+#include "libs/image_messages/image_message.h"
 
 namespace mapmend {
 namespace {
@@ -46,9 +45,8 @@ LiveImages::~LiveImages() {
 
 void LiveImages::ReceiveRaw(const uint8_t* data, int size) {
   auto message = std::make_shared<image_t>();
-  const bool is_ours = message->decode(data, 0, size) == size;
   // The bus counts what is thrown here as refused.
-  if (!is_ours && !DecodeForeignImage(data, size, message.get()))
+  if (!DecodeImageMessage(data, size, message.get()))
     throw std::runtime_error("neither mapmend's image_t nor bot_core's");
   Receive(std::move(message));
 }

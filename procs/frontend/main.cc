@@ -7,13 +7,15 @@
 #include <iostream>
 
 #include "libs/command_line/command_line.h"
+#include "libs/image_messages/image_log.h"
 #include "procs/frontend/run_options.h"
 
 int main(int argc, char** argv) {
   mapmend::RunOptions options;
   CLI::App app("frontend: tracks one camera and publishes keyframes, map updates and loss events.", "frontend");
   mapmend::AddProcessOptions(&app, &options.process);
-  app.add_option("input", options.inputs, "video files, folders of images, or images: one flight; none with --live");
+  app.add_option("input", options.inputs,
+                 "video files, folders of images, images, or logs of lcm-logger: one flight; none with --live");
   app.add_option("--camera", options.camera_path, "calibration, in any format of data/cameras/README.md")->required();
   app.add_option("--mask", options.mask_path, "image, black where no features may be, or YAML with mask_rectangles");
   app.add_option("--times", options.times_path, "time of each frame, one per line; else from the frame rate");
@@ -39,7 +41,8 @@ int main(int argc, char** argv) {
   app.add_option(
       "--source", options.source,
       "with --live: /dev/video0, rtsp://..., gst:PIPELINE, or a folder into which a camera writes; else the bus");
-  app.add_option("--image-channel", options.image_channel, "with --live: channel of mapmend's or bot_core's image_t")
+  app.add_option("--image-channel", options.image_channel,
+                 "with --live or a log: channel of mapmend's or bot_core's image_t")
       ->capture_default_str();
   realtime_flag->excludes(lockstep_flag);
   live_flag->excludes(lockstep_flag)->excludes(realtime_flag);
@@ -88,6 +91,7 @@ int main(int argc, char** argv) {
     if (nice(kNicer) < 0) spdlog::debug("frontend: cannot lower its priority");
   }
   try {
+    options.inputs = mapmend::ExpandLogs(options.inputs);
     return mapmend::RunFrontend(options);
   } catch (const std::exception& e) {
     std::cerr << "frontend: " << e.what() << "\n";

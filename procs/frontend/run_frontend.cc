@@ -22,6 +22,7 @@
 #include "libs/capture/image_source.h"
 #include "libs/capture/paced_images.h"
 #include "libs/geometry/camera_file.h"
+#include "libs/image_messages/image_log.h"
 #include "libs/mapping/session_id.h"
 #include "libs/retrieval/vocabulary.h"
 #include "procs/frontend/flight_diary.h"
@@ -115,6 +116,7 @@ class Input {
 std::unique_ptr<ImageSource> OpenFiles(const RunOptions& options, const Camera& camera) {
   SourceOptions source;
   source.inputs = options.inputs;
+  source.open_other = LogOpener(options.image_channel);
   source.times_path = options.times_path;
   source.camera_fps = camera.fps;
   source.skip = ParseFrameRanges(options.skip_frames);

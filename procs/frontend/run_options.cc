@@ -26,6 +26,8 @@ std::string ToJson(const RunOptions& options) {
   if (options.start_s > 0) json["start_s"] = options.start_s;
   if (std::isfinite(options.end_s)) json["end_s"] = options.end_s;
   if (options.mode != InputMode::kLockstep) json["mode"] = ModeName(options.mode);
+  if (options.mode != InputMode::kLive && options.image_channel != channels::kImage)
+    json["image_channel"] = options.image_channel;
   if (!options.mask_path.empty()) json["mask"] = SessionIdFromText(ReadFile(options.mask_path));
   if (!options.continues.empty()) {
     json["continues"] = options.continues;

@@ -33,7 +33,7 @@ struct RunOptions {
   std::string profile_path;  // JSON file for the time of each stage; empty: none
   InputMode mode = InputMode::kLockstep;
   // kLive: a camera that is read here (device_images.h), or a folder into which one writes; empty: images come over the
-  // bus, on image_channel.
+  // bus, on image_channel. That is the channel in a log of lcm-logger, too, that is an input.
   std::string source, image_channel = channels::kImage;
   double speed = 1;     // kRealtime: times as fast as the images were taken
   int max_waiting = 3;  // kRealtime, kLive: images that may wait for the frontend

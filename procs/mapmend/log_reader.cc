@@ -1,9 +1,7 @@
 #include "procs/mapmend/log_reader.h"
 
 #include <algorithm>
-#include <filesystem>
 #include <stdexcept>
-#include <tuple>
 
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
@@ -13,8 +11,6 @@
 
 namespace mapmend {
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr size_t kMaxDamagesTold = 3;
 
@@ -33,27 +29,6 @@ std::string Records(int64_t first, int64_t last) {
 }
 
 }  // namespace
-
-std::vector<std::string> FindLogs(const std::vector<std::string>& paths) {
-  std::vector<std::string> logs;
-  for (const std::string& path : paths) {
-    if (!fs::is_directory(path)) {
-      logs.push_back(path);
-      continue;
-    }
-    std::vector<std::tuple<int64_t, std::string>> parts;  // by the time of their first event
-    for (const auto& entry : fs::directory_iterator(path)) {
-      const std::string file = entry.path().string();
-      if (!entry.is_regular_file() || !RecordingFile::IsLog(file)) continue;
-      LoggedEvent first;
-      if (RecordingFile(file).Next(&first)) parts.emplace_back(first.utime, file);
-    }
-    if (parts.empty()) throw std::runtime_error(path + ": holds no recording of lcm-logger");
-    std::sort(parts.begin(), parts.end());
-    for (const auto& [utime, file] : parts) logs.push_back(file);
-  }
-  return logs;
-}
 
 LogReader::LogReader(const std::vector<std::string>& paths) {
   for (const std::string& path : paths) files_.push_back(std::make_unique<RecordingFile>(path));

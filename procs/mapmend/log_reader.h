@@ -15,10 +15,6 @@
 
 namespace mapmend {
 
-// The logs that a person names: files as they are, of a folder all recordings in it (parts of lcm-logger --split or
-// --rotate), in the order in which they were recorded. Throws std::runtime_error naming a folder without one.
-std::vector<std::string> FindLogs(const std::vector<std::string>& paths);
-
 // The stream out of one recording by lcm-logger, in any number of files: the sound records of every session once and in
 // seq order, whatever was recorded twice, out of order or besides (acks, health, what other processes derived). Needs
 // no bus. The files are read twice: first to know what they hold, then record by record.

@@ -16,6 +16,8 @@
 #include "libs/bus/process.h"
 #include "libs/capture/image_source.h"
 #include "libs/capture/times_beside.h"
+#include "libs/command_line/command_line.h"
+#include "libs/image_messages/image_log.h"
 #include "procs/mapmend/commands.h"
 #include "procs/mapmend/health_monitor.h"
 #include "procs/mapmend/run_flight.h"
@@ -29,7 +31,7 @@ constexpr int kNumEndMessages = 6;  // three must arrive within a second; the ch
 
 struct PublishOptions {
   std::vector<std::string> inputs;
-  std::string times, skip_frames, lcm_url, channel_prefix, format = "jpeg";
+  std::string times, skip_frames, image_channel, lcm_url, channel_prefix, format = "jpeg";
   double speed = 1;
   int quality = 95;
   bool no_wait = false, no_end = false;
@@ -80,9 +82,13 @@ bool WaitForFrontend(Bus* bus, const HealthMonitor& monitor, const std::string& 
 
 int Publish(PublishOptions options) {
   InstallSignalHandlers();
-  if (options.times.empty()) options.times = FindTimesBeside(options.inputs).path;
+  options.inputs = ExpandLogs(options.inputs);
+  const bool is_log = AreLogs(options.inputs);
+  if (!is_log && !options.image_channel.empty()) throw UsageError("--image-channel needs a log of lcm-logger as INPUT");
+  if (options.times.empty() && !is_log) options.times = FindTimesBeside(options.inputs).path;
   SourceOptions source_options;
   source_options.inputs = options.inputs;
+  source_options.open_other = LogOpener(options.image_channel);
   source_options.times_path = options.times;
   source_options.skip = ParseFrameRanges(options.skip_frames);
   ImageSource source(source_options);
@@ -127,10 +133,13 @@ void AddPublishCommand(CLI::App* app) {
       "publish", "Play a video or a folder of images onto the bus, as a camera would, for `mapmend run --live`");
   const auto options = std::make_shared<PublishOptions>();
   sub->add_option("INPUT", options->inputs,
-                  "video file, or folder of images taken in the order of their names; several are parts of one flight")
+                  "video file, folder of images taken in the order of their names, or log of lcm-logger with images; "
+                  "several are parts of one flight")
       ->required();
   sub->add_option("--times", options->times,
                   "one time in seconds per line and frame (default: times.txt beside INPUT, else from the frame rate)");
+  sub->add_option("--image-channel", options->image_channel,
+                  "of an INPUT that is a log: the channel that holds its images (default: MAPMEND_IMAGE)");
   sub->add_option("--skip-frames", options->skip_frames, "frames to leave out, e.g. 80-120,200-240");
   sub->add_option("--speed", options->speed, "times as fast as the images were taken")
       ->check(CLI::Range(0.001, 1e6))

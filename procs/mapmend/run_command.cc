@@ -9,8 +9,9 @@ namespace mapmend {
 
 void AddFlightOptions(CLI::App* sub, RunOptions* options) {
   sub->add_option("INPUT", options->inputs,
-                  "video file, or folder of images taken in the order of their names; several are the parts of one "
-                  "flight, in order; none with --live");
+                  "video file, folder of images taken in the order of their names, or log of lcm-logger with images on "
+                  "--image-channel (or the folder of its parts); several are the parts of one flight, in order; none "
+                  "with --live");
   sub->add_option("--camera", options->camera,
                   "calibration, in any format of data/cameras/README.md (default: camera.yaml beside INPUT)");
   sub->add_option("--times", options->times,
@@ -53,7 +54,7 @@ void AddFlightOptions(CLI::App* sub, RunOptions* options) {
   sub->add_flag("--follow", options->follow,
                 "INPUT is a folder into which images are still written: map each as it comes, until Ctrl-C");
   sub->add_option("--image-channel", options->image_channel,
-                  "with --live: channel of the images on the bus, image_t of mapmend or of bot_core (default: "
+                  "with --live or a log: channel of the images, image_t of mapmend or of bot_core (default: "
                   "MAPMEND_IMAGE)");
   realtime_flag->excludes(lockstep_flag);
   live_flag->excludes(lockstep_flag)->excludes(realtime_flag);

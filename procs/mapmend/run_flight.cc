@@ -52,6 +52,7 @@ std::string SessionOf(const RunOptions& options) {
   for (const auto& [name, number] : {std::pair("start", options.start), std::pair("end", options.end)}) {
     if (number) text += std::string("|") + name + std::to_string(*number);
   }
+  if (!options.image_channel.empty()) text += "|channel " + options.image_channel;
   if (options.every) text += "|every" + std::to_string(*options.every);
   if (!options.mask.empty()) text += "|mask " + SessionIdFromText(ReadFile(options.mask));
   if (options.realtime) text += "|realtime";

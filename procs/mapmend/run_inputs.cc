@@ -12,6 +12,7 @@
 #include "libs/geometry/camera.h"
 #include "libs/geometry/camera_file.h"
 #include "libs/geometry/read_trajectory.h"
+#include "libs/image_messages/image_log.h"
 #include "libs/retrieval/vocabulary.h"
 #include "procs/mapmend/paths.h"
 #include "procs/mapmend/run_options.h"
@@ -86,11 +87,16 @@ void CheckLiveInput(RunInputs* inputs) {
 void CheckFileInput(RunInputs* inputs) {
   RunOptions& options = inputs->options;
   std::error_code error;
-  if (options.inputs.empty()) throw UsageError("no input: give a video file or a folder of images, or --live");
+  if (options.inputs.empty())
+    throw UsageError("no input: give a video file, a folder of images or a log of lcm-logger, or --live");
   for (const std::string& name : options.inputs) {
     if (!fs::exists(name, error)) Fail("input " + name + " does not exist");
   }
   const bool is_folder = fs::is_directory(options.inputs.front(), error);
+  const std::vector<std::string> files = ExpandLogs(options.inputs);
+  const bool is_log = AreLogs(files);
+  if (!is_log && !options.image_channel.empty())
+    throw UsageError("--image-channel needs --live, or a log of lcm-logger as INPUT");
 
   const fs::path input = fs::absolute(options.inputs.front()).lexically_normal();
   const fs::path stem = is_folder && input.filename().empty() ? input.parent_path().filename() : input.stem();
@@ -108,7 +114,8 @@ void CheckFileInput(RunInputs* inputs) {
   }
   RequireReadableFile(options.camera, "camera file");
   const Camera camera = ReadCamera(options.camera);
-  if (options.times.empty()) {
+  options.inputs = files;
+  if (options.times.empty() && !is_log) {
     const TimesBeside found = FindTimesBeside(options.inputs);
     options.times = found.path;
     if (!found.path.empty()) inputs->notes.push_back("times " + found.path + " (found beside the input)");
@@ -118,6 +125,7 @@ void CheckFileInput(RunInputs* inputs) {
   if (!options.times.empty()) RequireReadableFile(options.times, "times file");
   SourceOptions source;
   source.inputs = options.inputs;
+  source.open_other = LogOpener(options.image_channel);
   source.times_path = options.times;
   source.camera_fps = camera.fps;
   source.skip = ParseFrameRanges(options.skip_frames);
@@ -150,8 +158,7 @@ RunInputs CheckRunInputs(const RunOptions& given) {
     CheckLiveInput(&inputs);
   else
     CheckFileInput(&inputs);
-  if (!options.live && (!options.source.empty() || !options.image_channel.empty()))
-    throw UsageError("--source and --image-channel need --live");
+  if (!options.live && !options.source.empty()) throw UsageError("--source needs --live");
   if (options.speed && !options.realtime) throw UsageError("--speed needs --realtime");
   if (options.max_waiting && !options.realtime && !options.live)
     throw UsageError("--max-waiting needs --realtime or --live");

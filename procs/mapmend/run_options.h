@@ -8,7 +8,7 @@
 namespace mapmend {
 
 struct RunOptions {
-  // Video files, folders of images or images, one flight; empty with live.
+  // Video files, folders of images, images or logs of lcm-logger, one flight; empty with live.
   std::vector<std::string> inputs;
   std::string camera;       // empty: camera.yaml beside the input
   std::string times;        // empty: times.txt beside the input if there is one, else the video's own times
@@ -34,7 +34,7 @@ struct RunOptions {
   bool overwrite = false;            // replace the results of an earlier run in out
   bool realtime = false;             // play the input at its own pace, drop what comes too fast
   std::string source;                // with live: device, URL, pipeline or growing folder; empty: the bus
-  std::string image_channel;         // with live: of the images on the bus; empty: MAPMEND_IMAGE
+  std::string image_channel;         // with live or a log: of the images; empty: MAPMEND_IMAGE
   bool follow = false;               // INPUT is a growing folder: live, with that as the source
   bool live = false;                 // images come over the bus
   std::optional<double> speed;       // with realtime; unset: 1

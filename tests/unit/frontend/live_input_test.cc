@@ -6,9 +6,9 @@
 #include <mapmend/image_t.hpp>
 #include <opencv2/core.hpp>
 
+#include "libs/image_messages/foreign_image.h"
+#include "libs/image_messages/image_message.h"
 #include "procs/frontend/ends_of_stream.h"
-#include "procs/frontend/foreign_image.h"
-#include "procs/frontend/image_message.h"
 
 namespace mapmend {
 namespace {

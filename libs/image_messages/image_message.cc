@@ -1,9 +1,12 @@
-#include "procs/frontend/image_message.h"
+#include "libs/image_messages/image_message.h"
 
+#include <exception>
 #include <mapmend/image_t.hpp>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <utility>
+
+#include "libs/image_messages/foreign_image.h"
 
 namespace mapmend {
 namespace {
@@ -32,6 +35,14 @@ std::optional<std::pair<int, int>> JpegSize(const std::vector<uint8_t>& bytes) {
 }
 
 }  // namespace
+
+bool DecodeImageMessage(const uint8_t* data, int size, image_t* message) {
+  try {
+    return message->decode(data, 0, size) == size || DecodeForeignImage(data, size, message);
+  } catch (const std::exception&) {  // a size that no memory can hold
+    return false;
+  }
+}
 
 bool IsEndOfStream(const image_t& message) {
   return message.num_bytes == 0 && message.width == 0 && message.height == 0 && message.utime == 0 &&

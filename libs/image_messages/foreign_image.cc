@@ -1,4 +1,4 @@
-#include "procs/frontend/foreign_image.h"
+#include "libs/image_messages/foreign_image.h"
 
 #include <bot_core/image_t.hpp>
 #include <mapmend/image_t.hpp>

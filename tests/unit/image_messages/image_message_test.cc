@@ -1,4 +1,4 @@
-#include "procs/frontend/image_message.h"
+#include "libs/image_messages/image_message.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "libs/capture/decode_image.h"
@@ -8,6 +9,9 @@
 namespace mapmend {
 
 class image_t;
+
+// Turns an image_t of mapmend, or of bot_core (foreign_image.h), into mapmend's. False if the bytes are neither.
+bool DecodeImageMessage(const uint8_t* data, int size, image_t* message);
 
 // The camera says that no more images come: an image_t with all fields 0. One alone proves nothing (ends_of_stream.h).
 bool IsEndOfStream(const image_t& message);
