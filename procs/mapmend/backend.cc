@@ -71,6 +71,7 @@ Backend::Backend(const BackendOptions& options)
   const std::string db = options_.db.empty() ? options_.out + "/map.db" : options_.db;
   StartProcess("submap_store", {FindProgram("submap_store"), "--db", db, "--vocabulary-hash", options_.vocabulary_hash},
                OnExit::kRestart);
+  store_started_ = Clock::now();
   WaitUntilReady("submap_store");
   if (options_.when_stored) options_.when_stored(this);
   StartMergerAndViewer();
@@ -129,6 +130,19 @@ void Backend::RefuseSharedStore() {
   }
 }
 
+// Runs that begin at the same moment do not hear of each other before their stores are there.
+void Backend::RefuseSecondStore() {
+  constexpr milliseconds kBeginning(5000);
+  if (!store_started_ || Clock::now() - *store_started_ > kBeginning) return;
+  own_stores_.insert(supervisor_.Pid("submap_store"));
+  for (const auto& [key, entry] : monitor_->Entries()) {
+    if (key.first != "submap_store" || own_stores_.contains(key.second) || entry.state == "done") continue;
+    throw std::runtime_error("another run began on " + url_ +
+                             " at the same time, and each would store what both see: choose another --lcm-url, or a "
+                             "--channel-prefix of its own, and start again");
+  }
+}
+
 void Backend::StartProcess(const std::string& name, std::vector<std::string> argv, OnExit on_exit, bool is_optional) {
   argv.insert(argv.end(), {"--lcm-url", url_, "--log-level", options_.log_level});
   if (!options_.channel_prefix.empty()) argv.insert(argv.end(), {"--channel-prefix", options_.channel_prefix});
@@ -151,6 +165,7 @@ void Backend::Tick(int timeout_ms) {
   bus_->Handle(timeout_ms);
   if (StopRequested()) throw Interrupted();
   if (reporter_) reporter_->Tick();
+  RefuseSecondStore();
   for (const char* name : kWatched) {
     const HealthMonitor::Entry* health = Health(name);
     if (health != nullptr && health->state != "starting" && health->state != "error")

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 
 #include "libs/bus/bus.h"
@@ -87,6 +88,7 @@ class Backend {
   void StartHub(int port, const std::string& bind);
   void WaitUntilReady(const std::string& name);
   void RefuseSharedStore();
+  void RefuseSecondStore();
   void StartMergerAndViewer();
   void LookForHung();
   bool WasStarted(const std::string& name) const;
@@ -102,7 +104,9 @@ class Backend {
   Watchdog watchdog_;
   bool has_own_hub_ = false;
   Watchdog::Clock::time_point last_tick_, listening_since_, heard_since_;  // since then silence counts
-  std::string store_error_;                                                // that was told
+  std::optional<std::chrono::steady_clock::time_point> store_started_;
+  std::set<pid_t> own_stores_;  // those that were started again included
+  std::string store_error_;     // that was told
 };
 
 }  // namespace mapmend
