@@ -4,6 +4,7 @@
 #include <mapmend/session_t.hpp>
 #include <mapmend/submap_t.hpp>
 #include <memory>
+#include <optional>
 #include <set>
 #include <stdexcept>
 
@@ -124,14 +125,17 @@ class Station {
     if (options_.token_file.empty() && !options_.bind.starts_with("127."))
       options_.token_file = options_.out + "/hub.token";
     try {
-      Backend backend(MakeOptions(page.Port()));
-      FlightBook flights(backend.bus(), &progress_);
+      std::optional<FlightBook> flights;
+      BackendOptions backend_options = MakeOptions(page.Port());
+      // Before the merger is there: vehicles may be flying already.
+      backend_options.when_stored = [&](Backend* started) { flights.emplace(started->bus(), &progress_); };
+      Backend backend(backend_options);
       WriteFile(options_.out + "/logs/lcm-url", backend.Url() + "\n");
       progress_.Say("station: maps into " + options_.out + "; live page http://127.0.0.1:" +
                     std::to_string(page.Port()) + "; on board: " + DescribeFly(options_));
       notice_.Ready();
       while (Tick(&backend)) {
-        const std::string state = DescribeMap(backend, flights.NumOpen());
+        const std::string state = DescribeMap(backend, flights->NumOpen());
         progress_.Show(state);
         notice_.Alive(state);
       }
