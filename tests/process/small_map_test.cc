@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -125,7 +126,10 @@ TEST_F(SmallMapTest, EventsTellWhatHappenedToTracking) {
   EXPECT_EQ(names[0], "start");
   EXPECT_EQ(names[1], "submap");
   EXPECT_EQ(names[2], "lost");
-  EXPECT_EQ(names.back(), "end");
+  // What the merger joins in its last pass follows the end of tracking.
+  EXPECT_EQ(std::count(names.begin(), names.end(), "end"), 1);
+  for (auto it = std::find(names.begin(), names.end(), "end"); it != names.end(); ++it)
+    EXPECT_TRUE(*it == "end" || *it == "joined" || *it == "separated") << *it;
   EXPECT_NE(ReadText(Out() + "/logs/frontend.log").find("tracking lost at frame 12 ("), std::string::npos);
 }
 
