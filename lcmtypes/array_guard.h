@@ -5,8 +5,8 @@
 #include <type_traits>
 #include <vector>
 
-// Called by the generated decoders before an array is allocated (guard_arrays.cmake puts the calls there): lcm-gen trusts
-// the length that a message claims, so 4 forged bytes would allocate up to 2^31 elements.
+// Called by the generated decoders before an array is allocated (guard_arrays.cmake puts the calls there): lcm-gen
+// trusts the length that a message claims, so 4 forged bytes would allocate up to 2^31 elements.
 namespace mapmend::lcm_guard {
 
 // Bytes that one element takes at least on the wire.

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "libs/mapping/records.h"
+#include "libs/stream/records.h"
 
 // A stream of records as a frontend makes them, of any size, without images: a camera that flies over random points and
 // words. Neighbouring keyframes share most points and words; a later submap that `revisits` an earlier one shares words

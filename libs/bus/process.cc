@@ -9,8 +9,8 @@
 #include <cstdlib>
 #include <iostream>
 
+#include "libs/base/stop_request.h"
 #include "libs/bus/access_token.h"
-#include "libs/bus/stop_request.h"
 #include "libs/command_line/command_line.h"
 
 namespace mapmend {

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "libs/bus/backoff.h"
+#include "libs/base/backoff.h"
 #include "libs/bus/bus.h"
 
 namespace mapmend {

@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "libs/geometry/write_file.h"
+#include "libs/base/write_file.h"
 
 namespace mapmend {
 namespace {

@@ -19,10 +19,10 @@ struct CameraFile {
 // or wrong key; what is recognised but cannot be read is refused by the name of its format or lens model.
 CameraFile ReadCameraFile(const std::string& path, int image_width = 0, int image_height = 0);
 
-// The same for images of a known size, which the camera has afterwards: a calibration for another size of the same shape
-// is scaled, with a note. Throws as well if the shapes differ, if a file without size cannot mean these images (principal
-// point outside, focal length less than 0.2 or more than 10 times the width), or if the lens model has no inverse on
-// more than a quarter of the image; on less, a note says so.
+// The same for images of a known size, which the camera has afterwards: a calibration for another size of the same
+// shape is scaled, with a note. Throws as well if the shapes differ, if a file without size cannot mean these images
+// (principal point outside, focal length less than 0.2 or more than 10 times the width), or if the lens model has no
+// inverse on more than a quarter of the image; on less, a note says so.
 CameraFile ReadCameraFor(const std::string& path, int image_width, int image_height);
 
 // The share of the image, in a grid of 13 x 9 points, where the lens model has no inverse.

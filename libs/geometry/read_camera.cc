@@ -6,9 +6,9 @@
 #include <set>
 #include <stdexcept>
 
+#include "libs/base/write_file.h"
 #include "libs/geometry/camera_file.h"
 #include "libs/geometry/camera_formats/camera_format.h"
-#include "libs/geometry/write_file.h"
 
 namespace mapmend {
 namespace {

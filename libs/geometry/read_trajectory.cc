@@ -8,7 +8,7 @@
 #include <optional>
 #include <stdexcept>
 
-#include "libs/geometry/text_table.h"
+#include "libs/base/text_table.h"
 #include "libs/geometry/times_file.h"
 
 namespace mapmend {

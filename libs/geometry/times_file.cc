@@ -7,7 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "libs/geometry/text_table.h"
+#include "libs/base/text_table.h"
 
 namespace mapmend {
 namespace {

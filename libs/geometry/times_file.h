@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "libs/geometry/time_unit.h"
+#include "libs/base/time_unit.h"
 
 // The times of a flight's frames, from a file or from the names of the images. The one reader for counting and reading.
 namespace mapmend {

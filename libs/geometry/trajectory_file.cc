@@ -8,7 +8,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "libs/geometry/write_file.h"
+#include "libs/base/write_file.h"
 
 namespace mapmend {
 

@@ -5,9 +5,9 @@
 #include <string_view>
 #include <vector>
 
+#include "libs/base/time_unit.h"
 #include "libs/geometry/rigid3.h"
 #include "libs/geometry/similarity3.h"
-#include "libs/geometry/time_unit.h"
 
 // Trajectories and the text format of the TUM RGB-D benchmark (Sturm et al., IROS 2012): one pose a line,
 // `t tx ty tz qx qy qz qw`, t in seconds, world_from_camera; lines that begin with # are comments.

@@ -4,7 +4,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
-#include "libs/geometry/random.h"
+#include "libs/base/random.h"
 
 namespace mapmend {
 namespace {

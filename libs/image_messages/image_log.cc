@@ -8,11 +8,11 @@
 #include <stdexcept>
 
 #include "libs/bus/channels.h"
-#include "libs/bus/codec.h"
 #include "libs/bus/recording_file.h"
 #include "libs/capture/image_list.h"
 #include "libs/capture/image_order.h"
 #include "libs/image_messages/image_message.h"
+#include "libs/wire/codec.h"
 
 namespace mapmend {
 namespace {

@@ -4,8 +4,8 @@
 #include <span>
 #include <vector>
 
+#include "libs/base/random.h"
 #include "libs/features/features.h"
-#include "libs/geometry/random.h"
 
 namespace mapmend {
 

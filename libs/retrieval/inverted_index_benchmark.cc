@@ -12,8 +12,8 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
+#include "libs/base/random.h"
 #include "libs/features/orb_extractor.h"
-#include "libs/geometry/random.h"
 #include "libs/retrieval/adaptive_thresholds.h"
 #include "libs/retrieval/inverted_index.h"
 #include "libs/retrieval/vocabulary.h"

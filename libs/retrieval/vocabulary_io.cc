@@ -5,7 +5,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "libs/geometry/write_file.h"
+#include "libs/base/write_file.h"
 #include "libs/retrieval/vocabulary.h"
 
 namespace mapmend {

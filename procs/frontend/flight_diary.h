@@ -3,7 +3,7 @@
 #include <map>
 #include <string>
 
-#include "libs/bus/event_log.h"
+#include "libs/base/event_log.h"
 #include "libs/bus/health.h"
 #include "procs/frontend/frontend.h"
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "libs/geometry/camera.h"
-#include "libs/mapping/records.h"
+#include "libs/stream/records.h"
 #include "procs/frontend/initializer.h"
 #include "procs/frontend/local_mapper.h"
 #include "procs/frontend/mapping_thread.h"

@@ -8,8 +8,8 @@
 #include "libs/geometry/pnp.h"
 #include "libs/geometry/triangulation.h"
 #include "libs/geometry/two_view.h"
-#include "libs/mapping/bundle_adjustment.h"
-#include "libs/mapping/pose_optimization.h"
+#include "libs/optim/bundle_adjustment.h"
+#include "libs/optim/pose_optimization.h"
 
 namespace mapmend {
 namespace {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "libs/geometry/camera.h"
-#include "libs/mapping/records.h"
+#include "libs/stream/records.h"
 #include "procs/frontend/frame.h"
 
 namespace mapmend {

@@ -6,8 +6,8 @@
 #include <set>
 
 #include "libs/geometry/triangulation.h"
-#include "libs/mapping/bundle_adjustment.h"
-#include "libs/mapping/pose_optimization.h"
+#include "libs/optim/bundle_adjustment.h"
+#include "libs/optim/pose_optimization.h"
 #include "procs/frontend/profiler.h"
 
 namespace mapmend {

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "libs/geometry/camera.h"
-#include "libs/mapping/bundle_adjuster.h"
+#include "libs/optim/bundle_adjuster.h"
 #include "procs/frontend/map_lock.h"
 #include "procs/frontend/working_map.h"
 

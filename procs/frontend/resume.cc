@@ -9,7 +9,7 @@
 
 #include "libs/bus/bus.h"
 #include "libs/bus/process.h"
-#include "libs/bus/store_client.h"
+#include "libs/wire/store_client.h"
 
 namespace mapmend {
 namespace {

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "libs/bus/health.h"
-#include "libs/bus/stream_sender.h"
+#include "libs/wire/stream_sender.h"
 #include "procs/frontend/run_options.h"
 #include "procs/frontend/working_map.h"
 

@@ -11,11 +11,10 @@
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
 
+#include "libs/base/stop_request.h"
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/health.h"
-#include "libs/bus/stop_request.h"
-#include "libs/bus/stream_sender.h"
 #include "libs/capture/device_images.h"
 #include "libs/capture/follow_folder.h"
 #include "libs/capture/image_mask.h"
@@ -23,8 +22,9 @@
 #include "libs/capture/paced_images.h"
 #include "libs/geometry/camera_file.h"
 #include "libs/image_messages/image_log.h"
-#include "libs/mapping/session_id.h"
 #include "libs/retrieval/vocabulary.h"
+#include "libs/stream/session_id.h"
+#include "libs/wire/stream_sender.h"
 #include "procs/frontend/flight_diary.h"
 #include "procs/frontend/frame_queue.h"
 #include "procs/frontend/live_images.h"

@@ -3,9 +3,9 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "libs/base/write_file.h"
 #include "libs/capture/fingerprint.h"
-#include "libs/geometry/write_file.h"
-#include "libs/mapping/session_id.h"
+#include "libs/stream/session_id.h"
 
 namespace mapmend {
 

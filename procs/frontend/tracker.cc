@@ -4,8 +4,8 @@
 #include <set>
 
 #include "libs/geometry/pnp.h"
-#include "libs/mapping/bundle_adjustment.h"
-#include "libs/mapping/pose_uncertainty.h"
+#include "libs/optim/bundle_adjustment.h"
+#include "libs/optim/pose_uncertainty.h"
 #include "procs/frontend/profiler.h"
 
 namespace mapmend {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "libs/geometry/camera.h"
-#include "libs/mapping/pose_optimization.h"
+#include "libs/optim/pose_optimization.h"
 #include "procs/frontend/working_map.h"
 
 namespace mapmend {

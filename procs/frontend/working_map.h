@@ -3,7 +3,7 @@
 #include <set>
 #include <vector>
 
-#include "libs/mapping/records.h"
+#include "libs/stream/records.h"
 #include "procs/frontend/frame.h"
 
 // The submap under construction, as the frontend works on it. Keyframes and points are addressed by their index; ids of

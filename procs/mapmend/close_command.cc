@@ -6,7 +6,7 @@
 
 #include "libs/bus/bus.h"
 #include "libs/bus/process.h"
-#include "libs/bus/store_client.h"
+#include "libs/wire/store_client.h"
 #include "mapmend/fetch_t.hpp"
 #include "mapmend/fetched_t.hpp"
 #include "mapmend/session_closed_t.hpp"

@@ -11,9 +11,9 @@
 #include <optional>
 #include <stdexcept>
 
-#include "libs/bus/codec.h"
-#include "libs/bus/store_client.h"
-#include "libs/mapping/session_id.h"
+#include "libs/stream/session_id.h"
+#include "libs/wire/codec.h"
+#include "libs/wire/store_client.h"
 #include "procs/mapmend/session_rescue.h"
 
 namespace mapmend {

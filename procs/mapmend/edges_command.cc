@@ -15,10 +15,10 @@
 #include <memory>
 #include <stdexcept>
 
-#include "libs/bus/backoff.h"
+#include "libs/base/backoff.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/process.h"
-#include "libs/bus/store_client.h"
+#include "libs/wire/store_client.h"
 #include "procs/mapmend/commands.h"
 #include "procs/mapmend/edge_table.h"
 #include "procs/mapmend/map_file.h"

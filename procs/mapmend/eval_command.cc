@@ -4,8 +4,8 @@
 #include <iostream>
 #include <memory>
 
+#include "libs/base/write_file.h"
 #include "libs/geometry/read_trajectory.h"
-#include "libs/geometry/write_file.h"
 #include "procs/mapmend/commands.h"
 #include "procs/mapmend/evaluation_report.h"
 #include "procs/mapmend/raster_canvas.h"

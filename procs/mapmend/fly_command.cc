@@ -5,10 +5,10 @@
 #include <memory>
 #include <stdexcept>
 
+#include "libs/base/stop_request.h"
+#include "libs/base/write_file.h"
 #include "libs/bus/process.h"
-#include "libs/bus/stop_request.h"
-#include "libs/geometry/write_file.h"
-#include "libs/mapping/session_id.h"
+#include "libs/stream/session_id.h"
 #include "procs/mapmend/backend.h"
 #include "procs/mapmend/bus_plan.h"
 #include "procs/mapmend/commands.h"

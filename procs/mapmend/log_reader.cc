@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "libs/base/checksum.h"
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
-#include "libs/bus/checksum.h"
-#include "libs/bus/record_checksums.h"
+#include "libs/wire/record_checksums.h"
 #include "mapmend/record_checksum_t.hpp"
 
 namespace mapmend {

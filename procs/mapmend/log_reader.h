@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "libs/bus/codec.h"
 #include "libs/bus/recording_file.h"
-#include "libs/mapping/ids.h"
+#include "libs/stream/ids.h"
+#include "libs/wire/codec.h"
 
 namespace mapmend {
 

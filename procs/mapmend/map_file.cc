@@ -22,8 +22,8 @@
 #include <vector>
 
 #include "libs/bus/process.h"
-#include "libs/bus/store_client.h"
 #include "libs/retrieval/vocabulary.h"
+#include "libs/wire/store_client.h"
 #include "procs/mapmend/finish_run.h"
 #include "procs/mapmend/map_rescue.h"
 #include "procs/mapmend/paths.h"

@@ -12,8 +12,8 @@
 #include <stdexcept>
 #include <vector>
 
-#include "libs/bus/store_client.h"
 #include "libs/retrieval/vocabulary.h"
+#include "libs/wire/store_client.h"
 #include "procs/mapmend/paths.h"
 #include "procs/mapmend/session_rescue.h"
 

@@ -18,7 +18,7 @@
 #include <stdexcept>
 
 #include "libs/bus/channels.h"
-#include "libs/bus/outbox.h"
+#include "libs/wire/outbox.h"
 
 namespace mapmend {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "libs/bus/event_log.h"
+#include "libs/base/event_log.h"
 #include "procs/mapmend/progress.h"
 
 namespace mapmend {

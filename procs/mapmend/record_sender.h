@@ -7,7 +7,7 @@
 #include <string>
 
 #include "libs/bus/bus.h"
-#include "libs/bus/codec.h"
+#include "libs/wire/codec.h"
 
 namespace mapmend {
 

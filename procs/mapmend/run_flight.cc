@@ -11,14 +11,14 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "libs/base/event_log.h"
+#include "libs/base/stop_request.h"
+#include "libs/base/write_file.h"
 #include "libs/bus/channels.h"
-#include "libs/bus/event_log.h"
 #include "libs/bus/process.h"
-#include "libs/bus/stop_request.h"
-#include "libs/bus/tree_changes.h"
 #include "libs/capture/fingerprint.h"
-#include "libs/geometry/write_file.h"
-#include "libs/mapping/session_id.h"
+#include "libs/stream/session_id.h"
+#include "libs/wire/tree_changes.h"
 #include "procs/mapmend/backend.h"
 #include "procs/mapmend/continue_flight.h"
 #include "procs/mapmend/finish_run.h"

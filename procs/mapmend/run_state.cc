@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "libs/geometry/write_file.h"
+#include "libs/base/write_file.h"
 #include "procs/mapmend/run_summary.h"
 
 namespace mapmend {

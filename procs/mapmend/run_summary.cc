@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "libs/geometry/write_file.h"
+#include "libs/base/write_file.h"
 #include "procs/mapmend/flight_verdict.h"
 #include "procs/mapmend/progress.h"
 

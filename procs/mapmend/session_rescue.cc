@@ -13,9 +13,9 @@
 #include <optional>
 #include <stdexcept>
 
-#include "libs/bus/outbox.h"
-#include "libs/bus/store_client.h"
-#include "libs/bus/stream_sender.h"
+#include "libs/wire/outbox.h"
+#include "libs/wire/store_client.h"
+#include "libs/wire/stream_sender.h"
 
 namespace mapmend {
 namespace {

@@ -8,10 +8,10 @@
 #include <set>
 #include <stdexcept>
 
+#include "libs/base/stop_request.h"
+#include "libs/base/write_file.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/process.h"
-#include "libs/bus/stop_request.h"
-#include "libs/geometry/write_file.h"
 #include "libs/retrieval/vocabulary.h"
 #include "procs/mapmend/backend.h"
 #include "procs/mapmend/commands.h"

@@ -8,7 +8,7 @@
 #include <fstream>
 #include <stdexcept>
 
-#include "libs/bus/exit_codes.h"
+#include "libs/base/exit_codes.h"
 
 namespace mapmend {
 namespace {

@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "libs/bus/bus.h"
-#include "libs/bus/outbox.h"
-#include "libs/bus/store_client.h"
-#include "libs/bus/stream_sender.h"
+#include "libs/wire/outbox.h"
+#include "libs/wire/store_client.h"
+#include "libs/wire/stream_sender.h"
 
 namespace mapmend {
 namespace {

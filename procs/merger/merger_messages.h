@@ -6,7 +6,7 @@
 #include <mapmend/revision_t.hpp>
 #include <vector>
 
-#include "procs/merger/merger.h"
+#include "libs/merging/merger.h"
 
 // What the merger says, in its wire form.
 namespace mapmend {

@@ -20,13 +20,13 @@
 
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
-#include "libs/bus/codec.h"
 #include "libs/bus/health.h"
-#include "libs/bus/store_client.h"
-#include "libs/bus/stream_consumer.h"
-#include "libs/bus/tree_changes.h"
+#include "libs/merging/background_refinement.h"
 #include "libs/retrieval/vocabulary.h"
-#include "procs/merger/background_refinement.h"
+#include "libs/wire/codec.h"
+#include "libs/wire/store_client.h"
+#include "libs/wire/stream_consumer.h"
+#include "libs/wire/tree_changes.h"
 #include "procs/merger/latency_meter.h"
 #include "procs/merger/merger_messages.h"
 

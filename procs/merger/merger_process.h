@@ -5,7 +5,7 @@
 #include <string>
 
 #include "libs/bus/process.h"
-#include "procs/merger/merger.h"
+#include "libs/merging/merger.h"
 
 namespace mapmend {
 

@@ -8,9 +8,9 @@
 #include <unordered_map>
 #include <vector>
 
-#include "libs/mapping/submap.h"
 #include "libs/retrieval/adaptive_thresholds.h"
 #include "libs/retrieval/inverted_index.h"
+#include "libs/stream/submap.h"
 #include "procs/submap_store/database.h"
 #include "procs/submap_store/submap_tracker.h"
 

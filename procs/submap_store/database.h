@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "libs/bus/codec.h"
+#include "libs/wire/codec.h"
 #include "procs/submap_store/file_guard.h"
 
 namespace mapmend {

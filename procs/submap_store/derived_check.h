@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "libs/mapping/submap.h"
+#include "libs/stream/submap.h"
 #include "procs/submap_store/database.h"
 
 namespace mapmend {

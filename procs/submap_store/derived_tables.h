@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "libs/mapping/submap.h"
+#include "libs/stream/submap.h"
 #include "procs/submap_store/database.h"
 
 // Writes what the stream says into tables (docs/file_formats.md). All of it can be made again from the record table.

@@ -6,7 +6,7 @@
 #include <memory>
 #include <stdexcept>
 
-#include "libs/bus/exit_codes.h"
+#include "libs/base/exit_codes.h"
 #include "libs/bus/process.h"
 #include "libs/command_line/command_line.h"
 #include "procs/submap_store/db_commands.h"

@@ -8,12 +8,12 @@
 #include <set>
 #include <stdexcept>
 
+#include "libs/base/checksum.h"
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
-#include "libs/bus/checksum.h"
-#include "libs/bus/outbox.h"
-#include "libs/bus/record_checksums.h"
 #include "libs/bus/recording_file.h"
+#include "libs/wire/outbox.h"
+#include "libs/wire/record_checksums.h"
 #include "procs/submap_store/database.h"
 
 namespace mapmend {

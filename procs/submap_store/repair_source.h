@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "libs/bus/codec.h"
+#include "libs/wire/codec.h"
 
 namespace mapmend {
 

@@ -2,7 +2,7 @@
 
 #include <sqlite3.h>
 
-#include "libs/bus/checksum.h"
+#include "libs/base/checksum.h"
 
 namespace mapmend {
 

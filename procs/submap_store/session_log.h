@@ -7,8 +7,8 @@
 #include <variant>
 #include <vector>
 
-#include "libs/bus/codec.h"
-#include "libs/mapping/submap.h"
+#include "libs/stream/submap.h"
+#include "libs/wire/codec.h"
 
 namespace mapmend {
 

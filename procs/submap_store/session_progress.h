@@ -3,7 +3,7 @@
 #include <deque>
 #include <mapmend/progress_t.hpp>
 
-#include "libs/mapping/submap.h"
+#include "libs/stream/submap.h"
 #include "procs/submap_store/database.h"
 #include "procs/submap_store/derived_tables.h"
 

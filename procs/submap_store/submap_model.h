@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "libs/mapping/submap.h"
+#include "libs/stream/submap.h"
 
 // What the store knows of submaps that are still growing: who observes what. Descriptors, colours and words are left
 // out: they stay in the file.

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "libs/mapping/submap.h"
+#include "libs/stream/submap.h"
 #include "procs/submap_store/database.h"
 
 namespace mapmend {

@@ -8,7 +8,7 @@
 #include <system_error>
 #include <vector>
 
-#include "libs/geometry/write_file.h"
+#include "libs/base/write_file.h"
 #include "procs/viewer_export/colmap_export.h"
 #include "procs/viewer_export/graph_export.h"
 #include "procs/viewer_export/ply_export.h"

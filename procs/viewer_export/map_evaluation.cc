@@ -4,7 +4,7 @@
 #include <iterator>
 #include <map>
 
-#include "libs/mapping/local_window.h"
+#include "libs/connecting/local_window.h"
 
 namespace mapmend {
 

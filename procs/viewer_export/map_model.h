@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "libs/mapping/submap.h"
+#include "libs/stream/submap.h"
 #include "procs/viewer_export/map_revision.h"
 
 namespace mapmend {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "libs/geometry/similarity3.h"
-#include "libs/mapping/ids.h"
+#include "libs/stream/ids.h"
 
 // What the merger has made of the submaps, as plain C++ (revision_codec.h reads it from the bus).
 namespace mapmend {

@@ -13,7 +13,7 @@
 #include <string>
 
 #include "libs/geometry/sim3_closed_form.h"
-#include "libs/mapping/merged_refinement.h"
+#include "libs/merging/merged_refinement.h"
 #include "tests/benchmark/synthetic_survey.h"
 
 namespace mapmend {

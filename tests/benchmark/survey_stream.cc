@@ -9,8 +9,8 @@
 #include <thread>
 
 #include "libs/bus/bus.h"
-#include "libs/bus/stream_sender.h"
-#include "libs/mapping/session_id.h"
+#include "libs/stream/session_id.h"
+#include "libs/wire/stream_sender.h"
 #include "tests/benchmark/synthetic_survey.h"
 
 int main(int argc, char** argv) {

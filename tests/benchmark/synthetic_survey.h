@@ -4,7 +4,7 @@
 #include <random>
 #include <vector>
 
-#include "tests/unit/merger/synthetic_flight.h"
+#include "tests/synthetic_flight.h"
 
 namespace mapmend::testing {
 

@@ -11,9 +11,9 @@
 #include <opencv2/core.hpp>
 #include <opencv2/videoio.hpp>
 
+#include "libs/base/write_file.h"
 #include "libs/geometry/camera.h"
 #include "libs/geometry/trajectory_file.h"
-#include "libs/geometry/write_file.h"
 
 namespace mapmend {
 namespace {

@@ -9,8 +9,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "libs/bus/codec.h"
 #include "libs/bus/recording_file.h"
+#include "libs/wire/codec.h"
 #include "tests/process/command_helper.h"
 
 namespace mapmend {

@@ -15,7 +15,7 @@
 
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
-#include "libs/bus/codec.h"
+#include "libs/wire/codec.h"
 #include "procs/submap_store/db_commands.h"
 #include "tests/process/store_helper.h"
 #include "tests/scratch_folder.h"

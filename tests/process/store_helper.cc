@@ -18,8 +18,8 @@
 #include <thread>
 
 #include "libs/bus/bus.h"
-#include "libs/bus/codec.h"
-#include "libs/bus/stream_sender.h"
+#include "libs/wire/codec.h"
+#include "libs/wire/stream_sender.h"
 #include "procs/submap_store/db_commands.h"
 #include "procs/submap_store/submap_store.h"
 

@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <random>
 
-#include "libs/bus/stream_sender.h"
+#include "libs/wire/stream_sender.h"
 #include "procs/submap_store/database.h"
 #include "tests/process/command_helper.h"
 #include "tests/process/store_helper.h"

@@ -1,7 +1,7 @@
 // What merger and viewer rely on: every committed record once and in order, whatever dies meanwhile; requests over the
 // real hub.
 
-#include "libs/bus/stream_consumer.h"
+#include "libs/wire/stream_consumer.h"
 
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
@@ -13,8 +13,8 @@
 #include <mapmend/revision_t.hpp>
 #include <mapmend/session_closed_t.hpp>
 
-#include "libs/bus/codec.h"
-#include "libs/bus/store_client.h"
+#include "libs/wire/codec.h"
+#include "libs/wire/store_client.h"
 #include "procs/submap_store/database.h"
 #include "tests/process/store_helper.h"
 #include "tests/scratch_folder.h"

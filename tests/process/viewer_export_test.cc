@@ -20,8 +20,8 @@
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/hub.h"
-#include "libs/bus/store_client.h"
-#include "libs/bus/stream_sender.h"
+#include "libs/wire/store_client.h"
+#include "libs/wire/stream_sender.h"
 
 extern char** environ;
 

@@ -4,8 +4,8 @@
 #include <cstring>
 #include <sstream>
 
+#include "libs/base/text_table.h"
 #include "libs/geometry/camera_formats/camera_format.h"
-#include "libs/geometry/text_table.h"
 
 // COLMAP's cameras.txt (CAMERA_ID MODEL WIDTH HEIGHT PARAMS...) and cameras.bin, which says the same.
 namespace mapmend {

@@ -2,8 +2,8 @@
 #include <cmath>
 #include <sstream>
 
+#include "libs/base/text_table.h"
 #include "libs/geometry/camera_formats/camera_format.h"
-#include "libs/geometry/text_table.h"
 
 // camera.txt of DSO and LSD-SLAM: a model with its numbers (pixels, or fractions of the image), the size of the images,
 // and two lines on how those programs are to rectify them, which are not for mapmend.

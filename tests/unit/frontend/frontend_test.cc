@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "libs/mapping/submap.h"
+#include "libs/stream/submap.h"
 #include "tests/unit/frontend/synthetic_flight.h"
 
 namespace mapmend {

@@ -3,8 +3,8 @@
 #include <map>
 #include <vector>
 
+#include "libs/base/random.h"
 #include "libs/geometry/camera.h"
-#include "libs/geometry/random.h"
 #include "procs/frontend/frame.h"
 
 namespace mapmend {

@@ -4,7 +4,7 @@
 #include <random>
 
 #include "libs/bus/bus.h"
-#include "libs/bus/codec.h"
+#include "libs/wire/codec.h"
 #include "tests/mutate_message.h"
 #include "tests/synthetic_stream.h"
 

@@ -5,7 +5,7 @@
 #include <random>
 #include <stdexcept>
 
-#include "libs/geometry/write_file.h"
+#include "libs/base/write_file.h"
 #include "tests/scratch_folder.h"
 
 namespace mapmend {

@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "libs/geometry/write_file.h"
+#include "libs/base/write_file.h"
 #include "tests/scratch_folder.h"
 
 namespace mapmend {

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "libs/geometry/write_file.h"
+#include "libs/base/write_file.h"
 
 namespace mapmend {
 namespace {

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
+#include "libs/base/random.h"
 #include "libs/geometry/pnp.h"
-#include "libs/geometry/random.h"
 #include "libs/geometry/triangulation.h"
 #include "libs/geometry/two_view.h"
 

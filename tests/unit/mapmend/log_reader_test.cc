@@ -9,8 +9,8 @@
 
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
-#include "libs/bus/record_checksums.h"
-#include "libs/mapping/submap.h"
+#include "libs/stream/submap.h"
+#include "libs/wire/record_checksums.h"
 
 namespace mapmend {
 namespace {

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "libs/geometry/write_file.h"
+#include "libs/base/write_file.h"
 #include "procs/mapmend/progress.h"
 
 namespace mapmend {

@@ -10,7 +10,7 @@
 #include <set>
 #include <sstream>
 
-#include "libs/geometry/random.h"
+#include "libs/base/random.h"
 #include "libs/retrieval/binary_kmeans.h"
 #include "libs/retrieval/vocabulary_trainer.h"
 

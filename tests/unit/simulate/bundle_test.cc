@@ -6,9 +6,9 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "libs/mapping/bundle_adjustment.h"
-#include "procs/simulate/random.h"
-#include "procs/simulate/simulator.h"
+#include "libs/optim/bundle_adjustment.h"
+#include "tools/simulate/random.h"
+#include "tools/simulate/simulator.h"
 
 namespace mapmend::simulate {
 namespace {

@@ -1,12 +1,12 @@
-#include "procs/simulate/facets.h"
+#include "tools/simulate/facets.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstring>
 
-#include "procs/simulate/random.h"
-#include "procs/simulate/renderer.h"
+#include "tools/simulate/random.h"
+#include "tools/simulate/renderer.h"
 
 namespace mapmend::simulate {
 namespace {

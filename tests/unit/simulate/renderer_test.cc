@@ -1,11 +1,11 @@
-#include "procs/simulate/renderer.h"
+#include "tools/simulate/renderer.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "procs/simulate/random.h"
-#include "procs/simulate/trajectory.h"
+#include "tools/simulate/random.h"
+#include "tools/simulate/trajectory.h"
 
 namespace mapmend::simulate {
 namespace {

@@ -1,4 +1,4 @@
-#include "procs/simulate/row_kernels.h"
+#include "tools/simulate/row_kernels.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 
 #include "libs/geometry/camera.h"
 #include "libs/geometry/rigid3.h"
-#include "procs/simulate/random.h"
+#include "tools/simulate/random.h"
 
 namespace mapmend::simulate {
 namespace {

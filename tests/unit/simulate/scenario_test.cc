@@ -1,4 +1,4 @@
-#include "procs/simulate/scenario.h"
+#include "tools/simulate/scenario.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "procs/simulate/simulator.h"
+#include "tools/simulate/simulator.h"
 
 #include <gtest/gtest.h>
 

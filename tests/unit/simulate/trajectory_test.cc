@@ -1,4 +1,4 @@
-#include "procs/simulate/trajectory.h"
+#include "tools/simulate/trajectory.h"
 
 #include <gtest/gtest.h>
 

@@ -10,9 +10,9 @@
 #include <optional>
 #include <random>
 
+#include "libs/base/checksum.h"
 #include "libs/bus/bus.h"
-#include "libs/bus/checksum.h"
-#include "libs/bus/record_checksums.h"
+#include "libs/wire/record_checksums.h"
 #include "procs/submap_store/db_commands.h"
 #include "tests/scratch_folder.h"
 #include "tests/unit/submap_store/filled_db.h"

@@ -9,7 +9,7 @@
 #include <sstream>
 
 #include "libs/bus/bus.h"
-#include "libs/bus/codec.h"
+#include "libs/wire/codec.h"
 #include "mapmend/revision_part_t.hpp"
 #include "mapmend/revision_t.hpp"
 #include "procs/submap_store/blob.h"

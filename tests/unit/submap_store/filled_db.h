@@ -7,7 +7,7 @@
 #include <string>
 
 #include "libs/bus/bus.h"
-#include "libs/bus/codec.h"
+#include "libs/wire/codec.h"
 #include "procs/submap_store/submap_store.h"
 #include "tests/synthetic_stream.h"
 

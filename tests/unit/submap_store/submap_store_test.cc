@@ -7,7 +7,7 @@
 #include <fstream>
 
 #include "libs/bus/bus.h"
-#include "libs/bus/codec.h"
+#include "libs/wire/codec.h"
 #include "procs/submap_store/db_commands.h"
 #include "tests/mutate_message.h"
 #include "tests/scratch_folder.h"

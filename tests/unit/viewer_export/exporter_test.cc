@@ -9,7 +9,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "libs/geometry/write_file.h"
+#include "libs/base/write_file.h"
 #include "procs/viewer_export/graph_export.h"
 #include "tests/unit/viewer_export/test_flight.h"
 

@@ -7,7 +7,7 @@
 
 #include <filesystem>
 
-#include "libs/geometry/write_file.h"
+#include "libs/base/write_file.h"
 
 namespace mapmend {
 namespace {

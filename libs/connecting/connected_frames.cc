@@ -1,0 +1,380 @@
+#include "libs/connecting/connected_frames.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <set>
+#include <unordered_set>
+
+#include "libs/base/text_format.h"
+#include "libs/connecting/guided_projection.h"
+#include "libs/connecting/window_matching.h"
+
+namespace mapmend {
+namespace {
+
+CrossObservation MakeObservation(const Eigen::Vector3d& point, const SubmapView& target, const SubmapKeyframe& keyframe,
+                                 const Eigen::Vector2f& pixel, int octave) {
+  return {point, keyframe.cam_from_submap, target.camera, pixel.cast<double>(), target.pyramid.Sigma(octave)};
+}
+
+// Everything a window knows of its map points: each point as the earliest keyframe of the window sees it.
+struct WindowAppearance {
+  std::vector<PointAppearance> points;
+  std::vector<Eigen::Quaterniond> rotations;
+};
+
+WindowAppearance Describe(const SubmapView& view, const KeyframeWindow& window) {
+  WindowAppearance result;
+  std::unordered_set<MapPointId> seen;
+  std::vector<PointAppearance> all;
+  for (size_t i = 0; i < window.size(); ++i) {
+    result.rotations.push_back(window[i]->cam_from_submap.rotation);
+    all.clear();
+    AppendAppearances(view, *window[i], static_cast<int>(i), &all);
+    for (PointAppearance& p : all) {
+      if (seen.insert(p.id).second) result.points.push_back(p);
+    }
+  }
+  return result;
+}
+
+// One side of a pair: the keyframe asked about first, then its window. Appearances and grids are made when they are
+// needed.
+struct Side {
+  SubmapView view;
+  KeyframeWindow window;
+  WindowAppearance appearance = {};
+  std::vector<FeatureGrid> grids = {};
+
+  void Prepare(int num_searched) {
+    if (!grids.empty()) return;
+    appearance = Describe(view, window);
+    for (size_t i = 0; i < window.size() && i < static_cast<size_t>(num_searched); ++i) {
+      grids.emplace_back(window[i]->features.keypoints, view.camera.width, view.camera.height);
+    }
+  }
+};
+
+struct Sides {
+  Side a, b;
+  bool same_submap = false;
+};
+
+struct GuidedMatches {
+  std::vector<CrossMatch> matches;
+  int num_expected = 0, num_found = 0;  // in the first keyframe of the window
+};
+
+// Points of the source looked for in the first keyframes of the target window, as many as there are grids.
+GuidedMatches SearchWindow(const Side& source, const Similarity3& target_from_source, const Side& target, double radius,
+                           bool same_submap, const ConnectedFramesOptions& options) {
+  ProjectionSearchOptions search;
+  search.radius = radius;
+  search.max_distance = options.guided_max_distance;
+  search.ratio = options.guided_ratio;
+  search.octave_tolerance = options.octave_tolerance;
+  search.max_turn = options.max_turn_deg * M_PI / 180;
+  GuidedMatches result;
+  for (size_t j = 0; j < target.grids.size(); ++j) {
+    const SubmapKeyframe& keyframe = *target.window[j];
+    const Similarity3 cam_from_source = Similarity3(keyframe.cam_from_submap) * target_from_source;
+    const ProjectionMatches found = FindByProjection(
+        source.appearance.points, source.appearance.rotations, cam_from_source, target.view.camera, target.view.pyramid,
+        keyframe.features.keypoints, keyframe.features.descriptors, target.grids[j], search);
+    for (const ProjectionMatch& m : found.matches) {
+      const MapPointId point = source.appearance.points[m.appearance].id;
+      if (same_submap && keyframe.map_points[m.feature] == point) continue;
+      const Keypoint& keypoint = keyframe.features.keypoints[m.feature];
+      result.matches.push_back({point, keyframe.id, m.feature, keypoint.octave, keypoint.pixel});
+      if (j == 0) ++result.num_found;
+    }
+    // From far above there are fewer features than points to be seen: a feature is one point at most.
+    if (j == 0) result.num_expected = std::min(found.num_visible, found.num_reachable);
+  }
+  return result;
+}
+
+// Evenly chosen elements, at most so many, as they will be kept.
+void Thin(size_t max_size, std::vector<CrossMatch>* matches) {
+  const size_t n = std::min(matches->size(), max_size);
+  std::vector<CrossMatch> kept;
+  kept.reserve(n);
+  for (size_t i = 0; i < n; ++i) kept.push_back((*matches)[i * matches->size() / n]);
+  *matches = std::move(kept);
+}
+
+// Number of cells of an 8 x 6 grid that hold a feature of one of the matches in this keyframe.
+int CountCells(const std::vector<CrossMatch>& matches, const SubmapKeyframe& keyframe, const Pinhole& camera) {
+  std::set<int> cells;
+  for (const CrossMatch& m : matches) {
+    if (m.keyframe != keyframe.id) continue;
+    const int column = std::clamp(static_cast<int>(8 * m.pixel.x() / static_cast<float>(camera.width)), 0, 7);
+    const int row = std::clamp(static_cast<int>(6 * m.pixel.y() / static_cast<float>(camera.height)), 0, 5);
+    cells.insert(8 * row + column);
+  }
+  return static_cast<int>(cells.size());
+}
+
+template <typename T>
+std::vector<T> Select(const std::vector<T>& all, const std::vector<char>& keep) {
+  std::vector<T> kept;
+  for (size_t i = 0; i < all.size(); ++i) {
+    if (keep[i]) kept.push_back(all[i]);
+  }
+  return kept;
+}
+
+// Pairs of map points that the inliers identify, each point in at most one pair.
+std::vector<std::pair<MapPointId, MapPointId>> CommonPoints(const ConnectedFrames& c, const Submap& a,
+                                                            const Submap& b) {
+  std::map<std::pair<MapPointId, MapPointId>, int> votes;
+  for (const CrossMatch& m : c.a_in_b) {
+    const MapPointId other = b.keyframes.at(m.keyframe).map_points[m.feature];
+    if (other.IsValid() && b.points.contains(other)) ++votes[{m.point, other}];
+  }
+  for (const CrossMatch& m : c.b_in_a) {
+    const MapPointId other = a.keyframes.at(m.keyframe).map_points[m.feature];
+    if (other.IsValid() && a.points.contains(other)) ++votes[{other, m.point}];
+  }
+  std::vector<std::pair<std::pair<MapPointId, MapPointId>, int>> ordered(votes.begin(), votes.end());
+  std::stable_sort(ordered.begin(), ordered.end(), [](const auto& l, const auto& r) { return l.second > r.second; });
+  std::set<MapPointId> used_a, used_b;
+  std::vector<std::pair<MapPointId, MapPointId>> common;
+  for (const auto& [pair, count] : ordered) {
+    if (used_a.contains(pair.first) || used_b.contains(pair.second)) continue;
+    used_a.insert(pair.first);
+    used_b.insert(pair.second);
+    common.push_back(pair);
+  }
+  std::sort(common.begin(), common.end());
+  common.shrink_to_fit();
+  return common;
+}
+
+// Keyframes to look at on the side that stands nearer: of its images it takes more to cover what the other's one shows.
+int ZoomedWindow(double zoom, const ConnectedFramesOptions& options) {
+  return std::min(options.max_window_size, static_cast<int>(std::lround(options.window_size * std::max(1.0, zoom))));
+}
+
+// In each of two images of which the one shows things so many times larger than the other: that shows a small part of
+// the other's ground, and little that it resolves.
+int CellsNeeded(double zoom, const ConnectedFramesOptions& options) {
+  const int share = static_cast<int>(std::lround(2 * options.min_cells / std::max(zoom, 1 / zoom)));
+  return std::min(options.min_cells, std::max(options.min_cells_of_zoomed, share));
+}
+
+// From matches that agree in scale and turn to a transform, and what speaks for it.
+ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* sides,
+                              const ConnectedFramesOptions& options) {
+  Side &side_a = sides->a, &side_b = sides->b;
+  const SubmapView &a = side_a.view, &b = side_b.view;
+  const SubmapKeyframe &frame_a = *side_a.window[0], &frame_b = *side_b.window[0];
+  ConnectedFrames result;
+  result.num_matches = static_cast<int>(matches.size());
+  std::vector<PointMatch> point_matches;
+  for (const PooledMatch& m : matches) {
+    const Keypoint &in_a = m.keyframe_a->features.keypoints[m.feature_a],
+                   &in_b = m.keyframe_b->features.keypoints[m.feature_b];
+    point_matches.push_back({MakeObservation(a.submap->points.at(m.point_a).position.cast<double>(), b, *m.keyframe_b,
+                                             in_b.pixel, in_b.octave),
+                             MakeObservation(b.submap->points.at(m.point_b).position.cast<double>(), a, *m.keyframe_a,
+                                             in_a.pixel, in_a.octave)});
+  }
+  const Sim3RansacResult ransac = EstimateSim3(point_matches, options.ransac);
+  result.num_ransac_inliers = ransac.num_inliers;
+  if (!ransac.success) {
+    result.reason = Format("%d map points look alike, but only %d agree on one transform (%d needed)",
+                           result.num_matches, ransac.num_inliers, options.ransac.min_inliers);
+    return result;
+  }
+  Similarity3 b_from_a = ransac.b_from_a;
+  {
+    CrossObservations seeds;
+    for (size_t i = 0; i < point_matches.size(); ++i) {
+      if (!ransac.is_inlier[i]) continue;
+      seeds.a_in_b.push_back(point_matches[i].a_in_b);
+      seeds.b_in_a.push_back(point_matches[i].b_in_a);
+    }
+    const Sim3RefinementResult refined = RefineSim3(seeds, b_from_a, options.refinement);
+    if (refined.success) b_from_a = refined.b_from_a;
+  }
+
+  // Guided matching with the transform and refinement on what it finds, again and again: each search is narrower and
+  // better aimed. Few seeds aim badly.
+  side_a.Prepare(options.num_searched);
+  side_b.Prepare(options.num_searched);
+  std::vector<double> factors = {1.0, 0.5};
+  if (ransac.num_inliers < options.min_good_seeds) factors.insert(factors.begin(), 2.0);
+  Sim3RefinementResult refined;
+  int num_expected = 0, num_found = 0;
+  double zoom = 1;  // size of things in the image of b, of those in a's
+  for (size_t round = 0; round < factors.size(); ++round) {
+    const double radius = factors[round] * options.search_radius;
+    const GuidedMatches in_b = SearchWindow(side_a, b_from_a, side_b, radius, sides->same_submap, options);
+    const GuidedMatches in_a = SearchWindow(side_b, b_from_a.Inverse(), side_a, radius, sides->same_submap, options);
+    const CrossObservations observations = ResolveMatches(a, b, in_b.matches, in_a.matches);
+    refined = RefineSim3(observations, b_from_a, options.refinement);
+    result.num_inliers = refined.num_inliers;
+    const int needed = round + 1 == factors.size() ? options.min_inliers : options.min_inliers / 2;
+    if (!refined.success || refined.num_inliers < needed) {
+      result.reason =
+          Format("%d of %d map points agree on a transform, but projecting the rest finds only %d (%d needed)",
+                 ransac.num_inliers, result.num_matches, refined.num_inliers, options.min_inliers);
+      return result;
+    }
+    b_from_a = refined.b_from_a;
+    zoom = b_from_a.scale * MedianDepth(*a.submap, frame_a) * b.camera.fx /
+           (MedianDepth(*b.submap, frame_b) * a.camera.fx);
+    result.wanted = {ZoomedWindow(1 / zoom, options), ZoomedWindow(zoom, options)};
+    result.a_in_b = Select(in_b.matches, refined.inlier_a_in_b);
+    result.b_in_a = Select(in_a.matches, refined.inlier_b_in_a);
+    num_expected = in_a.num_expected + in_b.num_expected;
+    num_found = 0;
+    for (const CrossMatch& m : result.a_in_b) num_found += m.keyframe == frame_b.id;
+    for (const CrossMatch& m : result.b_in_a) num_found += m.keyframe == frame_a.id;
+  }
+  result.b_from_a = b_from_a;
+  result.information = refined.information;
+  result.median_error_px = refined.median_error_px;
+  result.match_rate = num_expected > 0 ? static_cast<double>(num_found) / num_expected : 0;
+  result.common_points = CommonPoints(result, *a.submap, *b.submap);
+  std::vector<Eigen::Vector3d> common_in_b;
+  for (const auto& [point_a, point_b] : result.common_points)
+    common_in_b.push_back(b.submap->points.at(point_b).position.cast<double>());
+  result.median_angle_rad = MedianIntersectionAngle(b_from_a * frame_a.cam_from_submap.Center(),
+                                                    frame_b.cam_from_submap.Center(), common_in_b);
+
+  const int each_way = static_cast<int>(std::min(result.a_in_b.size(), result.b_in_a.size()));
+  const int cells =
+      std::min(CountCells(result.b_in_a, frame_a, a.camera), CountCells(result.a_in_b, frame_b, b.camera));
+  const int cells_needed = CellsNeeded(zoom, options);
+  const double scale = std::max(b_from_a.scale, 1 / b_from_a.scale);
+  Thin(options.max_kept, &result.a_in_b);
+  Thin(options.max_kept, &result.b_in_a);
+  if (each_way < options.min_inliers_each_way) {
+    result.reason = Format("%d inliers, but only %d in one of the two directions (%d needed)", result.num_inliers,
+                           each_way, options.min_inliers_each_way);
+  } else if (static_cast<int>(result.common_points.size()) < options.min_common_points) {
+    result.reason = Format("%d inliers, but only %zu map points in common (%d needed)", result.num_inliers,
+                           result.common_points.size(), options.min_common_points);
+  } else if (cells < cells_needed) {
+    result.reason =
+        Format("the %d inliers cover only %d of 48 image cells (%d needed)", result.num_inliers, cells, cells_needed);
+  } else if (result.match_rate < options.min_match_rate) {
+    result.reason = Format("only %.0f %% of the %d map points that should be seen are found (%.0f %% needed)",
+                           100 * result.match_rate, num_expected, 100 * options.min_match_rate);
+  } else if (result.median_error_px > options.max_median_error) {
+    result.reason =
+        Format("median reprojection error %.1f px (at most %.1f)", result.median_error_px, options.max_median_error);
+  } else if (scale > options.max_scale) {
+    result.reason =
+        Format("the submaps' scales would differ by a factor of %.1f (at most %.1f)", scale, options.max_scale);
+  } else {
+    result.success = true;
+    result.reason =
+        Format("%d reprojections agree (median %.2f px, %.0f %% of those expected), %zu common points, %d cells",
+               result.num_inliers, result.median_error_px, 100 * result.match_rate, result.common_points.size(), cells);
+  }
+  return result;
+}
+
+}  // namespace
+
+std::string ConnectedFramesOptions::Check() const {
+  if (window_size < 1 || num_searched < 1 || max_kept < 1)
+    return "window_size, num_searched, max_kept must be positive";
+  if (min_matches < 3) return "min_matches must be 3 or more";
+  if (!(search_radius > 0)) return "search_radius must be positive";
+  if (!(max_scale >= 1)) return "max_scale must be 1 or more";
+  if (const std::string error = ransac.Check(); !error.empty()) return "ransac: " + error;
+  if (const std::string error = refinement.Check(); !error.empty()) return "refinement: " + error;
+  return "";
+}
+
+double MedianIntersectionAngle(const Eigen::Vector3d& center_a, const Eigen::Vector3d& center_b,
+                               const std::vector<Eigen::Vector3d>& points) {
+  if (points.empty()) return 0;
+  std::vector<double> angles;
+  for (const Eigen::Vector3d& x : points) {
+    const Eigen::Vector3d u = center_a - x, v = center_b - x;
+    angles.push_back(std::atan2(u.cross(v).norm(), u.dot(v)));
+  }
+  const auto middle = angles.begin() + static_cast<long>(angles.size() / 2);
+  std::nth_element(angles.begin(), middle, angles.end());
+  return *middle;
+}
+
+CrossObservations ResolveMatches(const SubmapView& a, const SubmapView& b, const std::vector<CrossMatch>& a_in_b,
+                                 const std::vector<CrossMatch>& b_in_a) {
+  CrossObservations observations;
+  const auto resolve = [](const SubmapView& owner, const SubmapView& target, const std::vector<CrossMatch>& matches,
+                          std::vector<CrossObservation>* out) {
+    for (const CrossMatch& m : matches) {
+      const auto point = owner.submap->points.find(m.point);
+      const auto keyframe = target.submap->keyframes.find(m.keyframe);
+      if (point == owner.submap->points.end() || keyframe == target.submap->keyframes.end()) continue;
+      out->push_back(
+          MakeObservation(point->second.position.cast<double>(), target, keyframe->second, m.pixel, m.octave));
+    }
+  };
+  resolve(a, b, a_in_b, &observations.a_in_b);
+  resolve(b, a, b_in_a, &observations.b_in_a);
+  return observations;
+}
+
+double MedianErrorPx(const CrossObservations& observations, const Similarity3& b_from_a) {
+  const Similarity3 a_from_b = b_from_a.Inverse();
+  std::vector<double> errors;
+  for (const CrossObservation& o : observations.a_in_b)
+    errors.push_back(o.sigma * std::sqrt(SquaredError(o, b_from_a)));
+  for (const CrossObservation& o : observations.b_in_a)
+    errors.push_back(o.sigma * std::sqrt(SquaredError(o, a_from_b)));
+  if (errors.empty()) return std::numeric_limits<double>::infinity();
+  const auto middle = errors.begin() + static_cast<long>(errors.size() / 2);
+  std::nth_element(errors.begin(), middle, errors.end());
+  return *middle;
+}
+
+ConnectedFrames VerifyConnectedFrames(const SubmapView& a, KeyframeId keyframe_a, const SubmapView& b,
+                                      KeyframeId keyframe_b, const ConnectedFramesOptions& options,
+                                      const WindowSizes& sizes) {
+  ConnectedFrames result;
+  result.keyframe_a = keyframe_a;
+  result.keyframe_b = keyframe_b;
+  Sides sides{{a, LocalWindow(*a.submap, keyframe_a, std::max(sizes.a, options.window_size))},
+              {b, LocalWindow(*b.submap, keyframe_b, std::max(sizes.b, options.window_size))},
+              a.submap == b.submap};
+  if (sides.same_submap) {
+    // A keyframe in both windows would vouch for itself.
+    std::set<KeyframeId> in_a;
+    for (const SubmapKeyframe* k : sides.a.window) in_a.insert(k->id);
+    if (in_a.contains(keyframe_b)) {
+      result.reason = "the two keyframes are neighbours already";
+      return result;
+    }
+    std::erase_if(sides.b.window, [&](const SubmapKeyframe* k) { return in_a.contains(k->id); });
+  }
+
+  std::vector<PooledMatch> alike = MatchWindows(a, sides.a.window, b, sides.b.window, options.matching);
+  for (int hypothesis = 0; hypothesis < options.num_hypotheses; ++hypothesis) {
+    const std::vector<PooledMatch> matches = TakeAgreeing(options.matching, a.pyramid.scale_factor, &alike);
+    if (static_cast<int>(matches.size()) < options.min_matches) {
+      if (hypothesis == 0) {
+        result.num_matches = static_cast<int>(matches.size());
+        result.reason = Format("of %zu map points that look alike only %zu agree in scale and turn (%d needed)",
+                               alike.size() + matches.size(), matches.size(), options.min_matches);
+      }
+      break;
+    }
+    ConnectedFrames tried = TryHypothesis(matches, &sides, options);
+    tried.keyframe_a = keyframe_a;
+    tried.keyframe_b = keyframe_b;
+    if (tried.success) return tried;
+    if (hypothesis == 0 || tried.num_inliers > result.num_inliers) result = std::move(tried);
+  }
+  return result;
+}
+
+}  // namespace mapmend

@@ -1,0 +1,143 @@
+#include "libs/connecting/connection.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <set>
+
+#include "libs/base/median.h"
+#include "libs/base/text_format.h"
+#include "libs/connecting/connection_strength.h"
+
+namespace mapmend {
+namespace {
+
+// Matches as they are kept in the evidence, of some pairs of connected frames.
+struct MatchesOfPairs {
+  std::vector<CrossMatch> a_in_b, b_in_a;
+
+  void Add(const ConnectedFrames& e) {
+    a_in_b.insert(a_in_b.end(), e.a_in_b.begin(), e.a_in_b.end());
+    b_in_a.insert(b_in_a.end(), e.b_in_a.begin(), e.b_in_a.end());
+  }
+};
+
+// Evenly chosen, at most so many.
+template <typename T>
+std::vector<T> Thinned(const std::vector<T>& all, size_t max_size) {
+  std::vector<T> thinned;
+  const size_t n = std::min(all.size(), max_size);
+  for (size_t i = 0; i < n; ++i) thinned.push_back(all[i * all.size() / n]);
+  return thinned;
+}
+
+// Evenly chosen observations, at most so many each way: plenty for a transform, and bounded cost however much is known.
+template <typename Matches>
+CrossObservations ResolveSome(const SubmapView& a, const SubmapView& b, const Matches& matches, size_t max_each_way) {
+  return ResolveMatches(a, b, Thinned(matches.a_in_b, max_each_way), Thinned(matches.b_in_a, max_each_way));
+}
+
+// Common points (frame of a) spread over the evidence, for the cycle check.
+std::vector<Eigen::Vector3d> Probes(const Connection& c, const Submap& a) {
+  std::vector<Eigen::Vector3d> all;
+  for (size_t i = 0; i < c.evidence.size(); ++i) {
+    if (!c.agrees[i]) continue;
+    for (const auto& [point, other] : c.evidence[i].common_points) {
+      const auto it = a.points.find(point);
+      if (it != a.points.end()) all.push_back(it->second.position.cast<double>());
+    }
+  }
+  constexpr size_t kMaxProbes = 30;
+  return Thinned(all, kMaxProbes);
+}
+
+double ViewingDistance(const Connection& c, const Submap& a) {
+  for (size_t i = 0; i < c.evidence.size(); ++i) {
+    if (!c.agrees[i]) continue;
+    const auto it = a.keyframes.find(c.evidence[i].keyframe_a);
+    if (it == a.keyframes.end()) continue;
+    const double depth = MedianDepth(a, it->second);
+    if (depth > 0) return depth;
+  }
+  return 1;
+}
+
+}  // namespace
+
+void EstimateConnection(const SubmapView& a, const SubmapView& b, const ConnectionOptions& options, Connection* c) {
+  c->num_connected_frames = c->num_common_points = c->num_inliers = 0;
+  c->median_angle_deg = c->strength = c->median_error_px = 0;
+  c->agrees.assign(c->evidence.size(), 0);
+  c->verdict = Connection::Verdict::kRejected;
+  if (c->evidence.empty()) {
+    c->reason =
+        Format("none of %d proposed pairs of keyframes holds; best: ", c->num_candidates) + c->best_failure.reason;
+    return;
+  }
+
+  // The evidence with which most inliers agree leads; the strongest few are asked.
+  constexpr size_t kMaxLeaders = 8, kMaxJudged = 30, kMaxJoint = 600;
+  std::vector<CrossObservations> judged;
+  for (const ConnectedFrames& e : c->evidence) judged.push_back(ResolveSome(a, b, e, kMaxJudged));
+  std::vector<size_t> strongest(c->evidence.size());
+  std::iota(strongest.begin(), strongest.end(), size_t{0});
+  std::stable_sort(strongest.begin(), strongest.end(),
+                   [&](size_t l, size_t r) { return c->evidence[l].num_inliers > c->evidence[r].num_inliers; });
+  strongest.resize(std::min(strongest.size(), kMaxLeaders));
+  size_t leader = strongest[0];
+  int best_support = -1;
+  std::vector<char> agrees;
+  for (const size_t i : strongest) {
+    std::vector<char> with_i(c->evidence.size(), 0);
+    int support = 0;
+    for (size_t j = 0; j < c->evidence.size(); ++j) {
+      with_i[j] = i == j || MedianErrorPx(judged[j], c->evidence[i].b_from_a) <= options.max_disagreement_px;
+      if (with_i[j]) support += c->evidence[j].num_inliers;
+    }
+    if (support > best_support) {
+      best_support = support;
+      leader = i;
+      agrees = with_i;
+    }
+  }
+  c->agrees = agrees;
+
+  MatchesOfPairs all;
+  std::set<std::pair<MapPointId, MapPointId>> common;
+  std::vector<double> angles;
+  for (size_t i = 0; i < c->evidence.size(); ++i) {
+    if (!agrees[i]) continue;
+    const ConnectedFrames& e = c->evidence[i];
+    all.Add(e);
+    common.insert(e.common_points.begin(), e.common_points.end());
+    angles.push_back(e.median_angle_rad * 180 / M_PI);
+    ++c->num_connected_frames;
+  }
+  // Drift bends submaps, so that no single similarity fits all evidence to a pixel: the robust loss finds the
+  // compromise.
+  Sim3RefinementOptions refinement = options.refinement;
+  refinement.max_squared_error = options.drift_squared_error;
+  const Sim3RefinementResult refined =
+      RefineSim3(ResolveSome(a, b, all, kMaxJoint), c->evidence[leader].b_from_a, refinement);
+  c->b_from_a = refined.success ? refined.b_from_a : c->evidence[leader].b_from_a;
+  c->information = refined.success ? refined.information : c->evidence[leader].information;
+  c->num_inliers = refined.success ? refined.num_inliers : c->evidence[leader].num_inliers;
+  c->median_error_px = refined.success ? refined.median_error_px : c->evidence[leader].median_error_px;
+  c->num_common_points = static_cast<int>(common.size());
+  c->median_angle_deg = std::min(Median(angles), kMaxUsefulAngleDeg);
+  c->strength = ConnectionStrength(c->num_connected_frames, c->num_common_points, c->median_angle_deg);
+  if (c->strength < options.min_strength) {
+    c->reason = Format("strength %.1f is below %.1f", c->strength, options.min_strength);
+    return;
+  }
+  c->probes = Probes(*c, *a.submap);
+  c->viewing_distance = ViewingDistance(*c, *a.submap);
+  c->verdict = Connection::Verdict::kAccepted;
+  c->reason =
+      Format("%d connected frames (of %d looked at) with %d common map points, scale %.3f, median error %.2f px",
+             c->num_connected_frames, c->num_candidates, c->num_common_points, c->b_from_a.scale, c->median_error_px);
+  const int set_aside = static_cast<int>(c->evidence.size()) - c->num_connected_frames;
+  if (set_aside > 0) c->reason += Format("; %d more contradict it and are set aside", set_aside);
+}
+
+}  // namespace mapmend

@@ -1,0 +1,309 @@
+#include "libs/connecting/loop_closure.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <map>
+#include <numeric>
+#include <utility>
+
+#include "libs/base/median.h"
+#include "libs/base/text_format.h"
+#include "libs/connecting/pose_graph_relations.h"
+
+namespace mapmend {
+namespace {
+
+// Where the two keyframes of each loop stand among the keyframes of the submap.
+class LoopEnds {
+ public:
+  LoopEnds(const Submap& submap, const std::vector<ConnectedFrames>& loops) {
+    std::map<KeyframeId, int> order;
+    for (const auto& [id, keyframe] : submap.keyframes) order.emplace(id, static_cast<int>(order.size()));
+    for (const ConnectedFrames& loop : loops) {
+      const auto a = order.find(loop.keyframe_a), b = order.find(loop.keyframe_b);
+      ends_.push_back(a == order.end() || b == order.end() ? std::pair(-1, -1) : std::pair(a->second, b->second));
+    }
+  }
+
+  bool Exist(int loop) const { return ends_[loop].first >= 0; }
+  bool AreNeighbors(int i, int j, int max_steps) const {
+    return Exist(i) && Exist(j) && std::abs(ends_[i].first - ends_[j].first) <= max_steps &&
+           std::abs(ends_[i].second - ends_[j].second) <= max_steps;
+  }
+
+ private:
+  std::vector<std::pair<int, int>> ends_;
+};
+
+// What one loop says about the drift of tracking between its two ends.
+struct Drift {
+  double way = 0;        // travelled from end to end, viewing distances
+  double gap = 0;        // by which the common points are apart, median, viewing distances
+  double log_scale = 0;  // absolute
+  double turn_deg = 0;
+};
+
+Drift MeasureDrift(const Submap& submap, const ConnectedFrames& loop) {
+  Drift drift;
+  const auto first = submap.keyframes.find(std::min(loop.keyframe_a, loop.keyframe_b));
+  const auto last = submap.keyframes.find(std::max(loop.keyframe_a, loop.keyframe_b));
+  double depth = MedianDepth(submap, first->second);
+  for (auto it = first; it != last; ++it) {
+    const SubmapKeyframe &from = it->second, &to = std::next(it)->second;
+    const double next_depth = MedianDepth(submap, to);
+    const double distance = (from.cam_from_submap.Center() - to.cam_from_submap.Center()).norm();
+    if (depth + next_depth > 0) drift.way += 2 * distance / (depth + next_depth);
+    depth = next_depth;
+  }
+  const double viewing_distance = MedianDepth(submap, submap.keyframes.at(loop.keyframe_b));
+  std::vector<double> gaps;
+  for (const auto& [point, same] : loop.common_points) {
+    const auto it = submap.points.find(point);
+    if (it == submap.points.end()) continue;
+    const Eigen::Vector3d position = it->second.position.cast<double>();
+    gaps.push_back((loop.b_from_a * position - position).norm());
+  }
+  if (viewing_distance > 0) drift.gap = Median(std::move(gaps)) / viewing_distance;
+  drift.log_scale = std::abs(std::log(loop.b_from_a.scale));
+  drift.turn_deg = Eigen::AngleAxisd(loop.b_from_a.rotation).angle() * 180 / M_PI;
+  return drift;
+}
+
+// Empty, or why tracking cannot have drifted so.
+std::string WhyImplausible(const Drift& drift, const LoopClosureOptions& o) {
+  const double max_gap = o.gap + o.gap_per_distance * drift.way;
+  if (drift.gap > max_gap) {
+    return Format("tracking would be off by %.2f viewing distances after a way of %.1f (at most %.2f)", drift.gap,
+                  drift.way, max_gap);
+  }
+  const double max_log_scale = o.log_scale + o.log_scale_per_distance * drift.way;
+  if (drift.log_scale > max_log_scale) {
+    return Format("scale would have changed by a factor of %.2f on a way of %.1f viewing distances (at most %.2f)",
+                  std::exp(drift.log_scale), drift.way, std::exp(max_log_scale));
+  }
+  const double max_turn = std::min(o.max_turn_deg, o.turn_deg + o.turn_deg_per_distance * drift.way);
+  if (drift.turn_deg > max_turn) {
+    return Format("tracking would have turned by %.1f degrees on a way of %.1f viewing distances (at most %.1f)",
+                  drift.turn_deg, drift.way, max_turn);
+  }
+  return "";
+}
+
+// Brings tracking and some of the loops to agree, and measures what each loop has left open.
+class LoopCloser {
+ public:
+  LoopCloser(const SubmapView& view, const std::vector<ConnectedFrames>& loops, const PoseGraphOptions& options)
+      : options_(options) {
+    for (const auto& [id, keyframe] : view.submap->keyframes) {
+      vertex_.emplace(id, static_cast<int>(vertex_.size()));
+      cam_from_submap_.emplace_back(keyframe.cam_from_submap);
+    }
+    AddTrackedRelations(*view.submap, 0, &tracked_);
+    for (const ConnectedFrames& loop : loops) {
+      observations_.push_back(ResolveMatches(view, view, loop.a_in_b, loop.b_in_a));
+      if (!vertex_.contains(loop.keyframe_a) || !vertex_.contains(loop.keyframe_b)) {
+        relations_.emplace_back();
+        continue;
+      }
+      relations_.push_back(VerifiedRelation(*view.submap, loop.keyframe_a, vertex_.at(loop.keyframe_a), *view.submap,
+                                            loop.keyframe_b, vertex_.at(loop.keyframe_b), loop.b_from_a));
+      // Plain least squares: a loss that lets go of large gaps would not close the loops that matter most.
+      relations_.back().robust = false;
+    }
+  }
+
+  double GapAsTracked(int loop) const { return MedianErrorPx(observations_[loop], Similarity3()); }
+
+  // Per loop of `measured`, pixels (median), with all of `closed` in the pose graph; infinite if it cannot be solved.
+  std::vector<double> LeftOpen(const std::vector<int>& closed, const std::vector<int>& measured) const {
+    std::vector<PoseGraphEdge> edges = tracked_;
+    for (const int i : closed) edges.push_back(relations_[i]);
+    std::vector<Similarity3> world_from_cam;
+    for (const Similarity3& t : cam_from_submap_) world_from_cam.push_back(t.Inverse());
+    const bool solved = OptimizePoseGraph(edges, 0, options_, &world_from_cam).success;
+    std::vector<double> left;
+    for (const int i : measured) {
+      const int a = relations_[i].a, b = relations_[i].b;
+      // How the ground about each end has moved.
+      const Similarity3 moved_a = world_from_cam[a] * cam_from_submap_[a],
+                        moved_b = world_from_cam[b] * cam_from_submap_[b];
+      left.push_back(solved ? MedianErrorPx(observations_[i], moved_b.Inverse() * moved_a)
+                            : std::numeric_limits<double>::infinity());
+    }
+    return left;
+  }
+
+ private:
+  const PoseGraphOptions& options_;
+  std::map<KeyframeId, int> vertex_;
+  std::vector<Similarity3> cam_from_submap_;
+  std::vector<PoseGraphEdge> tracked_, relations_;
+  std::vector<CrossObservations> observations_;
+};
+
+// Loops that confirm each other, directly or by others.
+struct Place {
+  std::vector<int> loops;
+  int num_inliers = 0;
+};
+
+std::vector<Place> GroupLoops(const SubmapView& view, const std::vector<ConnectedFrames>& loops, const LoopEnds& ends,
+                              const std::vector<int>& candidates, const LoopClosureOptions& options) {
+  std::vector<Place> places;
+  for (const int i : candidates) {
+    Place joined{{i}, loops[i].num_inliers};
+    std::erase_if(places, [&](const Place& place) {
+      const bool agrees = std::any_of(place.loops.begin(), place.loops.end(), [&](int j) {
+        return ends.AreNeighbors(i, j, options.max_steps) && LoopsAgree(view, loops[i], loops[j], options);
+      });
+      if (!agrees) return false;
+      joined.loops.insert(joined.loops.end(), place.loops.begin(), place.loops.end());
+      joined.num_inliers += place.num_inliers;
+      return true;
+    });
+    places.push_back(std::move(joined));
+  }
+  for (Place& place : places) std::sort(place.loops.begin(), place.loops.end());
+  std::stable_sort(places.begin(), places.end(), [](const Place& l, const Place& r) {
+    return std::pair(-l.num_inliers, l.loops[0]) < std::pair(-r.num_inliers, r.loops[0]);
+  });
+  return places;
+}
+
+std::vector<int> AllLoops(const std::vector<Place>& places) {
+  std::vector<int> all;
+  for (const Place& place : places) all.insert(all.end(), place.loops.begin(), place.loops.end());
+  return all;
+}
+
+// Largest median over the places. left: per loop, in the order of AllLoops.
+double LargestMedian(const std::vector<Place>& places, const std::vector<double>& left) {
+  double largest = 0;
+  size_t first = 0;
+  for (const Place& place : places) {
+    const auto begin = left.begin() + static_cast<long>(first);
+    largest = std::max(largest, Median({begin, begin + static_cast<long>(place.loops.size())}));
+    first += place.loops.size();
+  }
+  return largest;
+}
+
+}  // namespace
+
+std::string LoopClosureOptions::Check() const {
+  if (!(closed_px > 0) || !(agreement_px > 0) || !(max_left_px > 0)) return "the limits in pixels must be positive";
+  if (!(gap >= 0) || !(gap_per_distance >= 0) || !(log_scale >= 0) || !(log_scale_per_distance >= 0) ||
+      !(turn_deg >= 0) || !(turn_deg_per_distance >= 0)) {
+    return "the limits of drift must not be negative";
+  }
+  return "";
+}
+
+bool LoopsAgree(const SubmapView& view, const ConnectedFrames& first, const ConnectedFrames& second,
+                const LoopClosureOptions& options) {
+  return MedianErrorPx(ResolveMatches(view, view, first.a_in_b, first.b_in_a), second.b_from_a) <=
+             options.agreement_px &&
+         MedianErrorPx(ResolveMatches(view, view, second.a_in_b, second.b_in_a), first.b_from_a) <=
+             options.agreement_px;
+}
+
+std::vector<int> FindLoneLoops(const SubmapView& view, const std::vector<ConnectedFrames>& loops,
+                               const LoopClosureOptions& options) {
+  const LoopEnds ends(*view.submap, loops);
+  std::vector<int> all(loops.size()), lone;
+  std::iota(all.begin(), all.end(), 0);
+  for (const Place& place : GroupLoops(view, loops, ends, all, options)) {
+    if (place.loops.size() == 1) lone.push_back(place.loops[0]);
+  }
+  std::sort(lone.begin(), lone.end());
+  return lone;
+}
+
+LoopJudgement JudgeLoops(const SubmapView& view, const std::vector<ConnectedFrames>& loops,
+                         const LoopClosureOptions& options) {
+  LoopJudgement judgement;
+  judgement.verdicts.assign(loops.size(), LoopVerdict::kUsed);
+  judgement.reasons.assign(loops.size(), "");
+  if (loops.empty()) {
+    judgement.reason = "no place was seen twice";
+    return judgement;
+  }
+  const auto refuse = [&](int i, LoopVerdict verdict, const std::string& reason) {
+    judgement.verdicts[i] = verdict;
+    judgement.reasons[i] = reason;
+  };
+
+  const LoopEnds ends(*view.submap, loops);
+  std::vector<int> candidates;
+  for (int i = 0; i < static_cast<int>(loops.size()); ++i) {
+    if (!ends.Exist(i)) {
+      refuse(i, LoopVerdict::kContradicted, "one of its keyframes was culled");
+      continue;
+    }
+    const std::string why = WhyImplausible(MeasureDrift(*view.submap, loops[i]), options);
+    if (why.empty())
+      candidates.push_back(i);
+    else
+      refuse(i, LoopVerdict::kImplausible, why);
+  }
+  std::vector<Place> places = GroupLoops(view, loops, ends, candidates, options);
+  std::erase_if(places, [&](const Place& place) {
+    if (place.loops.size() > 1) return false;
+    refuse(place.loops[0], LoopVerdict::kAlone, "no pair of neighbouring keyframes says the same");
+    return true;
+  });
+
+  const LoopCloser closer(view, loops, options.pose_graph);
+  // One loop alone does not decide: the second largest gap.
+  const auto gap_as_tracked = [&] {
+    std::vector<double> gaps;
+    for (const int i : AllLoops(places)) gaps.push_back(closer.GapAsTracked(i));
+    std::sort(gaps.rbegin(), gaps.rend());
+    return gaps.empty() ? 0 : gaps[1];
+  };
+  judgement.gap_px = gap_as_tracked();
+  judgement.is_needed = judgement.gap_px > options.closed_px;
+  if (judgement.is_needed) {
+    const std::vector<int> all = AllLoops(places);
+    judgement.left_px = LargestMedian(places, closer.LeftOpen(all, all));
+    if (judgement.left_px > options.max_left_px) {
+      // Some are wrong. One by one, strongest first: a place that cannot be closed together with those before is
+      // refused.
+      std::vector<Place> kept;
+      for (const Place& place : places) {
+        std::vector<Place> with = kept;
+        with.push_back(place);
+        const std::vector<int> closed = AllLoops(with);
+        const double left = LargestMedian(with, closer.LeftOpen(closed, closed));
+        if (left <= options.max_left_px) {
+          kept = std::move(with);
+          judgement.left_px = left;
+          continue;
+        }
+        const std::string why = Format("with it, loops and tracking disagree by %.0f px (at most %.0f)",
+                                       std::min(left, 9999.0), options.max_left_px);
+        for (const int i : place.loops) refuse(i, LoopVerdict::kContradicted, why);
+      }
+      if (kept.empty()) judgement.left_px = 0;
+      places = std::move(kept);
+      judgement.gap_px = gap_as_tracked();
+      judgement.is_needed = judgement.gap_px > options.closed_px;
+    }
+  }
+  judgement.num_places = static_cast<int>(places.size());
+  const int num_used = static_cast<int>(AllLoops(places).size());
+  if (num_used == 0) {
+    judgement.reason = judgement.reasons[0];
+  } else if (!judgement.is_needed) {
+    judgement.reason = Format("%d pairs of keyframes at %d places, closed within %.1f px as they are: nothing to gain",
+                              num_used, judgement.num_places, judgement.gap_px);
+  } else {
+    judgement.reason = Format("%d pairs of keyframes at %d places; a gap of %.1f px falls to %.1f px", num_used,
+                              judgement.num_places, std::min(judgement.gap_px, 99999.0), judgement.left_px);
+  }
+  return judgement;
+}
+
+}  // namespace mapmend

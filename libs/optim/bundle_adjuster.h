@@ -1,0 +1,26 @@
+#pragma once
+
+#include <memory>
+
+#include "libs/optim/bundle_adjustment.h"
+
+namespace mapmend {
+
+// Bundle adjustment of one window after the other. Gives what AdjustBundle gives, to the bit, and is faster: blocks of
+// parameters, cost functions and the order of elimination stay from one call to the next. The ceres::Problem does not:
+// docs/frontend_benchmarks.md says why.
+class BundleAdjuster {
+ public:
+  BundleAdjuster();
+  ~BundleAdjuster();
+  BundleAdjuster(BundleAdjuster&&) noexcept;
+  BundleAdjuster& operator=(BundleAdjuster&&) noexcept;
+
+  BundleSummary Adjust(const BundleOptions& options, BundleProblem* problem);
+
+ private:
+  struct Kept;
+  std::unique_ptr<Kept> kept_;
+};
+
+}  // namespace mapmend
