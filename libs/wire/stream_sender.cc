@@ -52,7 +52,8 @@ struct StreamSender::Impl {
   // Of the sender's thread.
   Outbox outbox;
   int64_t last_kept = -1;  // in the outbox, or was
-  bool ended = false;      // that one is SESSION ENDED
+  int64_t inherited = -1;  // the last one that an earlier life had left there
+  bool ended = false;      // last_kept is SESSION ENDED
   SendWindow window;
   RecordChecksums checksums;
   int64_t connection = -1;
@@ -72,7 +73,7 @@ struct StreamSender::Impl {
                                outbox.Session() + "; deliver them first");
     }
     // A frontend that was killed goes on where its outbox ends.
-    last_seq = last_kept = outbox.LastSeq();
+    last_seq = last_kept = inherited = outbox.LastSeq();
     acknowledged = outbox.Empty() ? last_seq : outbox.FirstSeq() - 1;
     if (const auto last = outbox.Read(last_seq)) ended = IsEnd(*last);
   }
@@ -87,15 +88,18 @@ struct StreamSender::Impl {
   // Inside Handle, on the sender's thread.
   void OnAck(const ack_t& ack) {
     if (ack.session != session) return;
-    const bool is_ours = ack.cumulative <= last_kept;  // else it is not about what we sent
-    if (is_ours) {
-      outbox.Acknowledge(ack.cumulative);
-      window.Acknowledge(ack.cumulative, Clock::now());
-      window.OnMissing(ack.missing);
+    // A store that has more than we have ever made knows of earlier lives of this session: a power cut took the end of
+    // the outbox, or the flight was flown again. What we have inherited is among it; of what we made, it says nothing.
+    const bool is_ours = ack.cumulative <= last_kept;
+    const int64_t cumulative = is_ours ? ack.cumulative : inherited;
+    if (cumulative >= 0) {
+      outbox.Acknowledge(cumulative);
+      window.Acknowledge(cumulative, Clock::now());
     }
+    if (is_ours) window.OnMissing(ack.missing);
     const std::lock_guard<std::mutex> lock(mutex);
     was_acknowledged = true;
-    if (is_ours) acknowledged = std::max(acknowledged, ack.cumulative);
+    acknowledged = std::max(acknowledged, cumulative);
     if (ack.error != store_error) {
       store_error = ack.error;
       if (!store_error.empty()) spdlog::error("submap_store: {}", store_error);

@@ -59,10 +59,12 @@ class Flight {
       on_board.with_store = false;
       Backend backend(on_board);
       WriteFile(options_.out + "/logs/lcm-url", backend.Url() + "\n");
-      Undelivered older(options_.out, station_url_, options_.channel_prefix);
+      const std::string session = options_.session.empty() ? NewSessionId() : options_.session;
+      Undelivered older(options_.out, station_url_, options_.channel_prefix, session);
       progress_.Say((options_.live ? "the camera on " + backend.Url() : options_.inputs.front()) +
                     " to the station at " + station_url_ + "; what it has not had waits in " + options_.out);
-      const bool is_delivered = Fly(&backend, older);
+      const bool is_delivered = Fly(&backend, older, session);
+      older.EndFlight();
       while (is_delivered && older.NumWaiting() > 0) {
         progress_.Show(std::to_string(older.NumWaiting()) +
                        " earlier flights to deliver; Ctrl-C leaves them for later");
@@ -79,8 +81,7 @@ class Flight {
 
  private:
   // True if the station has had all of the flight.
-  bool Fly(Backend* backend, const Undelivered& older) {
-    const std::string session = options_.session.empty() ? NewSessionId() : options_.session;
+  bool Fly(Backend* backend, const Undelivered& older, const std::string& session) {
     std::vector<std::string> argv = FrontendArguments(options_, session);
     argv.insert(argv.end(),
                 {"--lcm-url", station_url_, "--local-url", backend->Url(), "--log-level", options_.log_level});

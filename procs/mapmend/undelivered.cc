@@ -36,8 +36,9 @@ std::string SessionThatWaits(const std::string& path) {
 
 }  // namespace
 
-Undelivered::Undelivered(const std::string& out, const std::string& lcm_url, const std::string& channel_prefix)
-    : folder_(out + "/undelivered"), lcm_url_(lcm_url), channel_prefix_(channel_prefix) {
+Undelivered::Undelivered(const std::string& out, const std::string& lcm_url, const std::string& channel_prefix,
+                         const std::string& flying)
+    : folder_(out + "/undelivered"), lcm_url_(lcm_url), channel_prefix_(channel_prefix), flying_(flying) {
   const std::string current = out + "/outbox";
   if (fs::exists(current)) {
     const std::string session = SessionThatWaits(current);
@@ -60,22 +61,16 @@ Undelivered::~Undelivered() {
 }
 
 void Undelivered::Run() {
-  constexpr int kPatienceMs = 2000;  // so that the end is not waited for longer
   Bus bus(lcm_url_, channel_prefix_);
   StoreClient store(&bus, "undelivered-" + std::to_string(getpid()));
   while (!stop_ && num_waiting_ > 0) {
     for (const std::string& path : ListOutboxes(folder_)) {
       if (stop_) return;
       try {
-        const std::string session = SessionThatWaits(path);
-        if (!session.empty() && !DeliverOutbox(&bus, path, kPatienceMs)) continue;
-        // An outbox that is empty was delivered before the last end: its session may still be open.
-        const std::string id = session.empty() ? fs::path(path).stem().string() : session;
-        const auto closed = store.CloseSession(id, kPatienceMs);
-        if (!closed || closed->status == session_closed_t::STILL_ALIVE) continue;
+        if (!Deliver(&bus, &store, path)) continue;
         std::error_code ignored;
         fs::remove(path, ignored);
-        spdlog::info("session {} delivered", id);
+        spdlog::info("session {} delivered", fs::path(path).stem().string());
       } catch (const std::exception& e) {
         spdlog::warn("{}", e.what());
       }
@@ -83,6 +78,17 @@ void Undelivered::Run() {
     num_waiting_ = static_cast<int>(ListOutboxes(folder_).size());
     std::this_thread::sleep_for(std::chrono::milliseconds(200));
   }
+}
+
+bool Undelivered::Deliver(Bus* bus, StoreClient* store, const std::string& path) const {
+  constexpr int kPatienceMs = 2000;  // so that the end is not waited for longer
+  const std::string session = SessionThatWaits(path);
+  // An outbox that is empty was delivered before the last end: its session may still be open.
+  const std::string id = session.empty() ? fs::path(path).stem().string() : session;
+  if (is_flying_ && id == flying_) return false;
+  if (!session.empty() && !DeliverOutbox(bus, path, kPatienceMs)) return false;
+  const auto closed = store->CloseSession(id, kPatienceMs);
+  return closed && closed->status != session_closed_t::STILL_ALIVE;
 }
 
 }  // namespace mapmend

@@ -7,6 +7,10 @@
 #include <cstdlib>
 #include <random>
 
+#include "libs/bus/bus.h"
+#include "libs/wire/codec.h"
+#include "libs/wire/outbox.h"
+#include "libs/wire/stream_sender.h"
 #include "procs/submap_store/database.h"
 #include "procs/submap_store/db_commands.h"
 #include "tests/process/store_helper.h"
@@ -74,6 +78,26 @@ TEST_F(StoreFaults, SurvivesKillsOfTheStoreAtRandomMoments) {
   }
   EXPECT_GT(num_with_progress, num_kills / 10);  // the kills hit a store that was at work
   EXPECT_EQ(frontend.Wait(kFinishMs), 0);
+  ExpectWholeFlight(&store);
+}
+
+TEST_F(StoreFaults, AnOutboxOfWhichTheStoreHasMoreIsDelivered) {
+  // A vehicle that lost power: the store has had what the disk on board had not.
+  TestProcess store = StartStore(db_, port_, log_);
+  TestProcess frontend = Frontend(0);
+  EXPECT_EQ(frontend.Wait(kFinishMs), 0);
+  const std::vector<Record> records = MakeSyntheticStream(flight_);
+  const std::string path = folder_.File("lost_its_end");
+  {
+    Outbox outbox(path, 1 << 20);
+    for (size_t i = 0; i < records.size() / 2; ++i) outbox.Append(EncodeRecord(records[i]));
+  }
+  TestProcess deliver([&] {
+    Bus bus(HubUrl(port_), "");
+    if (!DeliverOutbox(&bus, path, 20000)) std::_Exit(1);
+  });
+  EXPECT_EQ(deliver.Wait(kFinishMs), 0);
+  EXPECT_TRUE(Outbox(path).Empty());
   ExpectWholeFlight(&store);
 }
 

@@ -121,11 +121,11 @@ class Map:
 
 
 def flown(folder):
-    """How many frames the vehicle with this folder has read, in all flights into it, and how many it has dropped because it
-    was busy."""
+    """How many frames the vehicle with this folder has read, in the longest flight into it (all are of one session), and
+    how many it has dropped because it was busy."""
     log = folder / "logs/frontend.log"
     text = log.read_text(errors="replace") if log.exists() else ""
-    return (sum(int(n) for n in re.findall(r"end: (\d+) frames", text)),
+    return (max([int(n) for n in re.findall(r"end: (\d+) frames", text)], default=0),
             sum(int(n) for n in re.findall(r"(\d+) frames came while the frontend was busy", text)))
 
 

@@ -123,7 +123,8 @@ def fly(cell, folder, flight_s=0.0, timeout_s=420):
             stage.processes["air"].await_text("frames", 60)
             time.sleep(max(2.0, flight_s / 3))
             _disturb(stage, cell)
-        outcome.event_end_s = max(time.monotonic() - start, flight_s)
+        time.sleep(max(0.0, start + flight_s - time.monotonic()))
+        outcome.event_end_s = time.monotonic() - start
         outcome.backlog_bytes = _outbox_bytes(folder)
         code = stage.processes["air"].await_end(timeout_s)
         outcome.flown_s = time.monotonic() - start
