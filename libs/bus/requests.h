@@ -30,17 +30,16 @@ class Requests {
   using Clock = std::chrono::steady_clock;
 
   Requests(Bus* bus, std::string requester, const char* request_channel, const char* reply_channel)
-      : bus_(bus), requester_(std::move(requester)), request_channel_(request_channel) {
+      : bus_(bus), requester_(std::move(requester)), request_channel_(request_channel), reply_channel_(reply_channel) {
     // Ids of an earlier process with the same name must not match ours.
     std::random_device random;
     last_id_ = static_cast<int64_t>(random()) << 30 | static_cast<int64_t>(random() >> 2);
-    subscription_ = bus->SubscribeRaw(reply_channel, Delivery::kKeepAll,
-                                      [this](const uint8_t* data, int size) { OnReply(data, size); });
   }
 
   // Sends the request when it is due and waits up to timeout_ms for its answer. nullopt: none yet.
   std::optional<Reply> Ask(Request request, int timeout_ms) {
     const auto deadline = Clock::now() + std::chrono::milliseconds(timeout_ms);
+    ListenForReplies();
     // By its place, not its address: handlers that run meanwhile add nothing, but the queue may grow in later calls.
     Outstanding& outstanding = FindOrAdd(std::move(request));
     for (;;) {
@@ -71,6 +70,15 @@ class Requests {
     int64_t connection = -1;  // that it was last sent over
     Backoff backoff{kFirstRetry, kMostRetry};
   };
+
+  // From the first question on: replies go to all who listen, and who asks nothing of a kind, say a vehicle on a slow
+  // link, is spared the megabytes that others are sent.
+  void ListenForReplies() {
+    if (is_listening_) return;
+    is_listening_ = true;
+    subscription_ = bus_->SubscribeRaw(reply_channel_, Delivery::kKeepAll,
+                                       [this](const uint8_t* data, int size) { OnReply(data, size); });
+  }
 
   Outstanding& FindOrAdd(Request request) {
     request.requester = requester_;
@@ -116,6 +124,8 @@ class Requests {
   Bus* bus_;
   const std::string requester_;
   const char* request_channel_;
+  const char* reply_channel_;
+  bool is_listening_ = false;
   int64_t last_id_ = 0;
   std::deque<Outstanding> outstanding_;
   Subscription subscription_;

@@ -57,6 +57,8 @@ struct StreamSender::Impl {
   SendWindow window;
   RecordChecksums checksums;
   int64_t connection = -1;
+  Clock::time_point connected_at;
+  bool store_was_heard = false;  // by this life of the sender
   Clock::time_point last_heartbeat, last_sync;
   std::atomic<bool> stop{false};
   std::thread thread;
@@ -97,6 +99,7 @@ struct StreamSender::Impl {
       window.Acknowledge(cumulative, Clock::now());
     }
     if (is_ours) window.OnMissing(ack.missing);
+    store_was_heard = true;
     const std::lock_guard<std::mutex> lock(mutex);
     was_acknowledged = true;
     acknowledged = std::max(acknowledged, cumulative);
@@ -152,10 +155,14 @@ struct StreamSender::Impl {
   void SendDue() {
     if (const int64_t number = bus->ConnectionNumber(); number != connection) {
       connection = number;
+      connected_at = Clock::now();
       window.OnNewPeer();
       const std::lock_guard<std::mutex> lock(mutex);
       was_acknowledged = false;
     }
+    // What an earlier life left may long be there: the answer to a heartbeat tells, and spares a slow link megabytes.
+    const bool may_be_there = !store_was_heard && !outbox.Empty() && outbox.FirstSeq() <= inherited;
+    if (may_be_there && Clock::now() - connected_at < std::chrono::milliseconds(options.resend_unasked_ms)) return;
     window.SendDue(Clock::now(), [this](const EncodedRecord& record) {
       bus->Publish(channels::kChecksum, checksums.Of(record));
       return bus->PublishRaw(record.channel, record.data.data(), static_cast<int>(record.data.size()));
