@@ -17,6 +17,7 @@ FLIGHT = ROOT / "data/flights/sheffield_cross"
 # The second half of the first flight in the bundled video and the first half of the other: two submaps.
 SKIP = ("--skip-frames", "0-39,131-171")
 SPEED = "60"  # of flights in real time: photographs seven seconds apart become nine frames a second
+FLIGHT_S = 13.5  # how long a flight takes at that speed
 SESSION = "7a0f3c52-61d4-4d0b-8f0e-0c9be5a4e101"
 AIR, GROUND = "10.77.0.1", "10.77.0.2"
 

@@ -82,6 +82,9 @@ def power_cuts(folder, count, seed=1):
         yield (moment, *power_cut(folder / f"cut{i}", moment))
 
 
+NUM_FLIGHTS = 12  # of a soak
+
+
 def _rss_mb(pid):
     try:
         for line in pathlib.Path(f"/proc/{pid}/status").read_text().splitlines():
@@ -107,6 +110,8 @@ def soak(folder, minutes, kill_every_s=10.0, seed=1):
     a dictionary of what was seen."""
     flight.fresh(folder)
     rng = random.Random(seed)
+    # A dozen flights: each sees the same ground, so the last merge grows with their number squared.
+    speed = f"{float(flight.SPEED) * min(1, flight.FLIGHT_S * NUM_FLIGHTS / (minutes * 60)):.3f}"
     port = str(flight.free_port())
     station = flight.Process([flight.mapmend(), "station", "--port", port, "--seed", "1", "--out",
                               str(folder / "ground")], folder / "ground.txt")
@@ -128,7 +133,7 @@ def soak(folder, minutes, kill_every_s=10.0, seed=1):
             if not flying:
                 flights += 1
                 vehicle = flight.Process(
-                    [flight.mapmend(), "fly", str(flight.FLIGHT / "video.mp4"), *flight.SKIP, "--realtime", "--speed", flight.SPEED,
+                    [flight.mapmend(), "fly", str(flight.FLIGHT / "video.mp4"), *flight.SKIP, "--realtime", "--speed", speed,
                      "--vehicle", f"v{flights}", "--station", f"127.0.0.1:{port}", "--out", str(folder / f"v{flights}")],
                     folder / f"v{flights}.txt")
             for program in SERVICES:
