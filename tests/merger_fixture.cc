@@ -18,7 +18,7 @@ std::vector<BowProposal> BruteForceBow::Query(const BowQuestion& question) {
     const auto* k = std::get_if<KeyframeRecord>(&r.body);
     if (!k) continue;
     const auto cursor = std::find_if(question.cursors.begin(), question.cursors.end(),
-                                     [&](const MergerCursor& c) { return c.session == r.header.session; });
+                                     [&](const StreamCursor& c) { return c.session == r.header.session; });
     if (cursor == question.cursors.end() || r.header.seq > cursor->seq) continue;
     const bool same = r.header.session == question.session && k->submap == query->submap;
     if (same && (!question.same_submap || std::abs(k->keyframe.value - question.keyframe.value) < 6)) continue;

@@ -6,19 +6,15 @@
 
 #include "libs/geometry/similarity3.h"
 #include "libs/stream/ids.h"
+#include "libs/stream/stream_cursor.h"
 
 // What a revision of the merged map consists of.
 namespace mapmend {
 
-struct MergerCursor {
-  std::string session;
-  int64_t seq = -1;
-};
-
 // Where every submap stands.
 struct MergedTransforms {
   int64_t revision = 0;  // grows: 2 * (records consumed + decisions of people), + 1 if refined
-  std::vector<MergerCursor> cursors;
+  std::vector<StreamCursor> cursors;
   bool refined = false, is_final = false;
   struct Place {
     SubmapKey key;

@@ -2,15 +2,10 @@
 
 #include <vector>
 
+#include "libs/connecting/kruskal.h"
 #include "libs/geometry/similarity3.h"
 
 namespace mapmend {
-
-// An edge of the tree with its transform.
-struct TreeEdge {
-  int a = -1, b = -1;
-  Similarity3 b_from_a;
-};
 
 struct MergedPlace {
   int root = -1;    // vertex; itself for a root

@@ -55,7 +55,7 @@ connection_t ToMessage(const Connection& connection) {
 merged_transforms_t ToMessage(const MergedTransforms& transforms) {
   merged_transforms_t message{};
   message.revision = transforms.revision;
-  for (const MergerCursor& c : transforms.cursors) {
+  for (const StreamCursor& c : transforms.cursors) {
     cursor_t cursor{};
     cursor.session = c.session;
     cursor.seq = c.seq;

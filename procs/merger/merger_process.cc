@@ -41,7 +41,7 @@ class StoreBowSource : public BowSource {
     bow_query_t query{};
     query.session = question.session;
     query.keyframe = question.keyframe.value;
-    for (const MergerCursor& c : question.cursors) {
+    for (const StreamCursor& c : question.cursors) {
       cursor_t cursor{};
       cursor.session = c.session;
       cursor.seq = c.seq;
@@ -281,9 +281,9 @@ class MergerLoop {
   }
 
   void Heed() {
-    const int known = merger_.num_decisions();
+    const int known = merger_.graph().num_decisions();
     merger_.SetDecisions(decisions_);
-    if (merger_.num_decisions() != known) refinement_.Abandon();
+    if (merger_.graph().num_decisions() != known) refinement_.Abandon();
   }
 
   int64_t NumDelivered() const { return num_consumed_; }
@@ -331,7 +331,7 @@ class MergerLoop {
       graph.id = request.id;
       graph.requester = request.requester;
       graph.transforms = ToMessage(merger_.transforms());
-      graph.num_decisions = merger_.num_decisions();
+      graph.num_decisions = merger_.graph().num_decisions();
       for (const Connection& c : merger_.connections()) graph.connections.push_back(ToMessage(c));
       graph.num_connections = static_cast<int32_t>(graph.connections.size());
       bus_->Publish(channels::kGraph, graph);
@@ -360,9 +360,9 @@ class MergerLoop {
   void Report() {
     ReportTimes();
     health_.SetQueueDepth(consumer_.QueueDepth());
-    health_.SetCounter("connections", merger_.num_connections());
-    health_.SetCounter("edges_accepted", merger_.num_accepted());
-    health_.SetCounter("components", merger_.num_components());
+    health_.SetCounter("connections", static_cast<double>(merger_.graph().connections().size()));
+    health_.SetCounter("edges_accepted", merger_.graph().num_accepted());
+    health_.SetCounter("components", merger_.graph().forest().num_components);
     health_.SetCounter("keyframes_cached", merger_.keyframe_cache().num_loaded());
     health_.SetCounter("keyframes_read", static_cast<double>(merger_.keyframe_cache().num_reads()));
     health_.SetCounter("refused", static_cast<double>(num_refused_ + consumer_.NumRefused()));
@@ -399,7 +399,7 @@ class MergerLoop {
 int RunMergerProcess(const MergerProcessOptions& options) {
   MergerOptions merger_options;
   merger_options.seed = options.seed;
-  merger_options.max_cached_keyframes = options.max_cached_keyframes;
+  merger_options.search.max_cached_keyframes = options.max_cached_keyframes;
   if (const std::string error = merger_options.Check(); !error.empty()) throw std::runtime_error(error);
   std::string vocabulary_hash;
   if (!options.vocabulary.empty()) vocabulary_hash = Vocabulary::Read(options.vocabulary).Hash();

@@ -168,12 +168,12 @@ TEST(MergerDeterminism, TheMapIsTheSameHoweverFewKeyframesAreHeld) {
   };
   const SyntheticFlight flight = ThreeCrossingStrips();
   MergerOptions options;
-  options.connected_frames.max_window_size = 18;  // with the usual 6 on the other side 24 keyframes
+  options.search.connected_frames.max_window_size = 18;  // with the usual 6 on the other side 24 keyframes
   BruteForceBow bow(flight.records());
   RecordSource source(flight.records());
   Recorder all, few;
   Merger holds_all(options, &bow, &all);
-  options.max_cached_keyframes = 24;
+  options.search.max_cached_keyframes = 24;
   ASSERT_EQ(options.Check(), "");
   Merger merger(options, &bow, &few, &source);
   const auto open = [&] { return std::make_unique<RecordSource>(flight.records()); };

@@ -56,8 +56,8 @@ TEST(MergerMemory, AKeyframeBeyondTheCacheTakesLessThanItsKeypoints) {
   RecordSource source(flight.records());
   Deaf out;
   MergerOptions options;
-  options.max_cached_keyframes = 2 * kPerStrip;
-  options.neighbors.num_submaps = 0;  // connections take memory of their own
+  options.search.max_cached_keyframes = 2 * kPerStrip;
+  options.search.neighbors.num_submaps = 0;  // connections take memory of their own
   Merger merger(options, &no_proposals, &out, &source);
   const auto num_keyframes = [&] {
     size_t n = 0;
