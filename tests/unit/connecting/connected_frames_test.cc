@@ -131,6 +131,21 @@ TEST(ConnectedFrames, AnImplausibleScaleIsRefused) {
   }
 }
 
+TEST(ConnectedFrames, MostOfWhatShouldBeSeenMayNotBeMissing) {
+  std::mt19937_64 random(10);
+  const Pair pair = VerifyStrips(Strip({150, 200}, {200, 200}, 100, 5, 0, &random),
+                                 Strip({150, 210}, {200, 210}, 100, 5, 90, &random), 1);
+  ASSERT_TRUE(pair.result.success);
+  for (const double share : {0.95, 1.05}) {
+    ConnectedFramesOptions options;
+    options.min_match_rate = share * pair.result.match_rate;
+    const ConnectedFrames frames = VerifyConnectedFrames(ViewOf(pair.session, 0), pair.result.keyframe_a,
+                                                         ViewOf(pair.session, 1), pair.result.keyframe_b, options);
+    EXPECT_EQ(frames.success, share < 1) << frames.reason;
+    EXPECT_EQ(frames.reason.find("should be seen") != std::string::npos, share > 1) << frames.reason;
+  }
+}
+
 TEST(ConnectedFrames, SameInputSameBits) {
   std::mt19937_64 random(8);
   const auto a = Strip({150, 200}, {200, 200}, 100, 5, 0, &random),
