@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "libs/base/median.h"
-#include "libs/merging/merged_transforms.h"
+#include "libs/connecting/merged_transforms.h"
 
 namespace mapmend {
 namespace {

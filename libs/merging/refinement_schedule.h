@@ -6,7 +6,7 @@
 #include <string>
 
 #include "libs/connecting/connection_graph.h"
-#include "libs/merging/merged_transforms.h"
+#include "libs/connecting/merged_transforms.h"
 #include "libs/merging/refinement_task.h"
 
 namespace mapmend {

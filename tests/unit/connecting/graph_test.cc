@@ -5,7 +5,7 @@
 
 #include "libs/connecting/connection_strength.h"
 #include "libs/connecting/kruskal.h"
-#include "libs/merging/merged_transforms.h"
+#include "libs/connecting/merged_transforms.h"
 
 namespace mapmend {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "libs/connecting/connection_strength.h"
 #include "libs/connecting/kruskal.h"
-#include "libs/merging/merged_transforms.h"
+#include "libs/connecting/merged_transforms.h"
 
 // Nine submaps, sixteen connections that become known one after the other, as in the paper's worked example (its Figure
 // 5 and Table 1). The numbers are our own: the paper's table was not at hand. Worked out by hand: after each

@@ -1,4 +1,4 @@
-#include "libs/merging/merged_transforms.h"
+#include "libs/connecting/merged_transforms.h"
 
 #include <map>
 
