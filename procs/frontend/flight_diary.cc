@@ -21,12 +21,12 @@ void FlightDiary::OnStart(const std::string& session, const std::string& source,
 }
 
 void FlightDiary::OnFrame(const Frame& frame, const FrameOutcome& outcome) {
-  if (!outcome.abandoned.empty()) {
-    Count(outcome.abandoned, unconfirmed_);
+  if (outcome.abandoned != LossReason::kNone) {
+    Count(ToString(outcome.abandoned), unconfirmed_);
     unconfirmed_ = 0;
   }
   if (outcome.state != FrontendState::kTracking) {
-    Count(outcome.cause, 1);
+    Count(ToString(outcome.cause), 1);
   } else if (phase_ == Phase::kLooking) {
     ++unconfirmed_;
   }
@@ -36,16 +36,16 @@ void FlightDiary::OnFrame(const Frame& frame, const FrameOutcome& outcome) {
   if (phase_ != Phase::kLooking && !goes_on) CloseSubmap(frame);
   if (phase_ == Phase::kTracking && is_lost) {
     phase_ = Phase::kLost;
-    loss_cause_ = outcome.cause;
+    loss_cause_ = ToString(outcome.cause);
     health_->SetCounter("lost_frame", last_frame_);
     health_->SetCounter("lost_utime", static_cast<double>(last_utime_));
     health_->SetCounter("found_frame", -1);
     spdlog::info("frontend: tracking lost at frame {} ({}): {}", frame.index, FormatUtime(frame.utime),
-                 Readable(outcome.cause));
+                 Readable(ToString(outcome.cause)));
     events_->Add("lost", {{"frame", frame.index},
                           {"utime", frame.utime},
                           {"submap", submap_.value},
-                          {"reason", outcome.cause},
+                          {"reason", ToString(outcome.cause)},
                           {"last_frame", last_frame_}});
   } else if (phase_ == Phase::kLost && outcome.state == FrontendState::kTracking) {
     phase_ = Phase::kTracking;

@@ -77,7 +77,7 @@ FrameOutcome Frontend::Initialise(const FramePtr& frame) {
   FrameOutcome outcome;
   const Initialization initialization = initializer_.AddFrame(frame);
   outcome.reason = initialization.reason;
-  outcome.cause = initialization.success ? "not_confirmed" : InitialCause(*frame, initialization);
+  outcome.cause = initialization.success ? LossReason::kNotConfirmed : InitialCause(*frame, initialization);
   Begin(initialization, &outcome);
   return outcome;
 }
@@ -85,8 +85,8 @@ FrameOutcome Frontend::Initialise(const FramePtr& frame) {
 void Frontend::Begin(const Initialization& initialization, FrameOutcome* outcome) {
   if (!initialization.success || !StartSubmap(initialization)) return;
   outcome->state = FrontendState::kTracking;
-  outcome->method = "initialised";
-  outcome->cause.clear();
+  outcome->method = TrackMethod::kInitialised;
+  outcome->cause = LossReason::kNone;
   outcome->keyframe = true;
   outcome->submap = map_->Id();
   outcome->cam_from_submap = initialization.second->cam_from_submap;
@@ -208,7 +208,7 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
   if (result.success && prediction && IsJump(*frame) &&
       result.num_inliers < options_.jump_found_share * result.num_visible) {
     result.success = false;
-    result.reason = "inconsistent_motion";
+    result.reason = LossReason::kInconsistentMotion;
     std::fill(frame->points.begin(), frame->points.end(), -1);
   }
   if (result.success) {
@@ -254,11 +254,11 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
   ++lost_frames_;
   lost_.push_back(frame);
   if (!confirmed_) {
-    const std::string cause = camera_.width < kSmallImage ? "small_images" : outcome.cause;
+    const LossReason cause = camera_.width < kSmallImage ? LossReason::kSmallImages : outcome.cause;
     AbandonSubmap();
     outcome = Initialise(frame);
     outcome.abandoned = cause;
-    if (!outcome.cause.empty()) outcome.cause = cause;
+    if (outcome.cause != LossReason::kNone) outcome.cause = cause;
     return outcome;
   }
   if (lost_frames_ == 1) initializer_.Clear();
@@ -273,20 +273,20 @@ FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
 }
 
 // What is wrong with the image itself comes before what is wrong between images.
-std::string Frontend::InitialCause(const Frame& frame, const Initialization& initialization) const {
-  if (frame.mean_brightness < kDark) return "darkness";
-  if (camera_.width < kSmallImage) return "small_images";
-  if (static_cast<int>(frame.features.Size()) < options_.initializer.min_matches) return "too_few_features";
-  if (frame.sharpness < kUnsharp) return "blur";
+LossReason Frontend::InitialCause(const Frame& frame, const Initialization& initialization) const {
+  if (frame.mean_brightness < kDark) return LossReason::kDarkness;
+  if (camera_.width < kSmallImage) return LossReason::kSmallImages;
+  if (static_cast<int>(frame.features.Size()) < options_.initializer.min_matches) return LossReason::kTooFewFeatures;
+  if (frame.sharpness < kUnsharp) return LossReason::kBlur;
   return initialization.cause;
 }
 
-std::string Frontend::ExplainFailure(const Frame& frame, const std::string& tracker_reason) const {
-  if (frame.mean_brightness < kDark) return "darkness";
-  if (frame.sharpness < kBlurred * last_frame_->sharpness) return "blur";
+LossReason Frontend::ExplainFailure(const Frame& frame, LossReason tracker_reason) const {
+  if (frame.mean_brightness < kDark) return LossReason::kDarkness;
+  if (frame.sharpness < kBlurred * last_frame_->sharpness) return LossReason::kBlur;
   if (before_last_frame_ && static_cast<double>(frame.utime - last_frame_->utime) >
                                 kGap * static_cast<double>(last_frame_->utime - before_last_frame_->utime)) {
-    return "input_gap";
+    return LossReason::kInputGap;
   }
   return tracker_reason;
 }
@@ -366,11 +366,11 @@ void Frontend::AbandonSubmap() {
   lost_.clear();
 }
 
-void Frontend::CloseSubmap(const std::string& reason, const std::string& detail) {
+void Frontend::CloseSubmap(LossReason reason, const std::string& detail) {
   WaitForMapping();
   const int64_t utime = last_frame_->utime;
   Publish(utime);
-  emit_(utime, SubmapEnded{map_->Id(), reason, detail, last_frame_->index, utime});
+  emit_(utime, SubmapEnded{map_->Id(), ToString(reason), detail, last_frame_->index, utime});
   ++num_losses_;
   map_.reset();
   last_frame_ = before_last_frame_ = nullptr;
@@ -451,7 +451,7 @@ void Frontend::Finish() {
     return;
   }
   const int losses = num_losses_;
-  CloseSubmap("end_of_input", "the input ended");
+  CloseSubmap(LossReason::kEndOfInput, "the input ended");
   num_losses_ = losses;
 }
 

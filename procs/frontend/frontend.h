@@ -11,6 +11,7 @@
 #include "libs/stream/records.h"
 #include "procs/frontend/initializer.h"
 #include "procs/frontend/local_mapper.h"
+#include "procs/frontend/loss_reason.h"
 #include "procs/frontend/mapping_thread.h"
 #include "procs/frontend/tracker.h"
 
@@ -46,13 +47,12 @@ enum class FrontendState { kInitialising, kTracking, kLost };
 
 struct FrameOutcome {
   FrontendState state = FrontendState::kInitialising;
-  std::string method;  // how tracking succeeded
-  std::string reason;  // or why not
-  // Why not, in the words of a diagnosis: darkness, blur, small_images, input_gap, too_few_features, too_few_matches,
-  // no_common_motion, no_motion, no_parallax, ambiguous, not_confirmed (no map came of two frames that fit),
-  // too_few_inliers, unsupported_pose, inconsistent_motion.
-  std::string cause;
-  std::string abandoned;  // with this frame a submap that was begun and not believed yet is given up: the cause
+  TrackMethod method = TrackMethod::kNone;  // how tracking succeeded
+  LossReason reason = LossReason::kNone;    // or why not
+  // Why not, more exactly, for a diagnosis.
+  LossReason cause = LossReason::kNone;
+  LossReason abandoned =
+      LossReason::kNone;  // with this frame a submap that was begun and not believed yet is given up: the cause
   int num_inliers = 0;
   bool keyframe = false;
   SubmapId submap;
@@ -90,13 +90,13 @@ class Frontend {
   // Starts a submap if initialisation has succeeded, and says so in the outcome of its second frame.
   void Begin(const Initialization& initialization, FrameOutcome* outcome);
   bool StartSubmap(const Initialization& initialization);
-  std::string InitialCause(const Frame& frame, const Initialization& initialization) const;
-  std::string ExplainFailure(const Frame& frame, const std::string& tracker_reason) const;
+  LossReason InitialCause(const Frame& frame, const Initialization& initialization) const;
+  LossReason ExplainFailure(const Frame& frame, LossReason tracker_reason) const;
   bool NeedsKeyframe(const Frame& frame, const TrackResult& result) const;
   void InsertKeyframe(const FramePtr& frame);
   void MapKeyframe(int keyframe, MapLock* lock);
   void WaitForMapping(size_t unfinished_keyframes = 0);
-  void CloseSubmap(const std::string& reason, const std::string& detail);
+  void CloseSubmap(LossReason reason, const std::string& detail);
   void AbandonSubmap();
   void NoteFrame(const Frame& frame, int reference_keyframe);
   // What is to be published up to a keyframe, which may still lack words; then words and emission, for which the map is
@@ -124,7 +124,7 @@ class Frontend {
   int frames_since_start_ = 0;
   int lost_frames_ = 0;
   std::vector<FramePtr> lost_;  // frames that failed since the last success
-  std::string last_failure_;
+  LossReason last_failure_ = LossReason::kNone;
   FramePtr last_frame_, before_last_frame_;  // tracked ones
   int last_keyframe_ = -1;
   int last_reference_ = -1;

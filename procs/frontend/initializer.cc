@@ -140,9 +140,9 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
     result = TryPartners(frame, split, n - 1);
     if (!result.success && split > 0) {
       const Initialization older = TryPartners(frame, 0, split - 1);
-      if (older.success || result.reason == "too_few_matches") result = older;
+      if (older.success || result.reason == LossReason::kTooFewMatches) result = older;
     }
-    if (!result.success && result.reason != "too_few_matches") {
+    if (!result.success && result.reason != LossReason::kTooFewMatches) {
       refused_utime_ = frame->utime;
       refused_reason_ = result.reason;
       refused_cause_ = result.cause;
@@ -158,7 +158,7 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
 // behind quickly.
 Initialization Initializer::TryPartners(const FramePtr& frame, int oldest, int newest) const {
   Initialization result;
-  result.reason = "too_few_matches";
+  result.reason = LossReason::kTooFewMatches;
   constexpr int kMaxTrials = 6;
   const int n = static_cast<int>(frames_.size());
   for (int trial = 0; trial < kMaxTrials && oldest <= newest; ++trial) {
@@ -170,11 +170,11 @@ Initialization Initializer::TryPartners(const FramePtr& frame, int oldest, int n
     }
     const Initialization attempt = Try(frames_[i], frame, between);
     if (attempt.success) return attempt;
-    if (result.reason == "too_few_matches") {
+    if (result.reason == LossReason::kTooFewMatches) {
       result.reason = attempt.reason;
-      if (attempt.cause != "too_few_matches") result.cause = attempt.cause;
+      if (attempt.cause != LossReason::kTooFewMatches) result.cause = attempt.cause;
     }
-    if (attempt.reason == "too_few_matches") {
+    if (attempt.reason == LossReason::kTooFewMatches) {
       oldest = i + 1;
     } else {  // too little parallax to tell: an older one has more
       newest = i - 1;
@@ -239,7 +239,7 @@ Initialization Initializer::Try(const FramePtr& first, const FramePtr& second,
   result.second = second;
   MatchOptions match_options;
   const std::vector<Match> found = MatchBruteForce(first->features, second->features, match_options);
-  result.reason = "too_few_matches";
+  result.reason = LossReason::kTooFewMatches;
   if (static_cast<int>(found.size()) < options_.min_matches) return result;
 
   MatchedPixels matches;
@@ -256,15 +256,15 @@ Initialization Initializer::Try(const FramePtr& first, const FramePtr& second,
     shifts.push_back((matches.first.back() - matches.second.back()).norm());
   }
   std::nth_element(shifts.begin(), shifts.begin() + shifts.size() / 2, shifts.end());
-  result.reason = "no_parallax";
-  result.cause = "no_motion";
+  result.reason = LossReason::kNoParallax;
+  result.cause = LossReason::kNoMotion;
   if (shifts[shifts.size() / 2] < options_.min_motion * camera_.width) return result;
 
   const std::vector<Judged> candidates =
       RankMotions(camera_, matches, ProposeTwoViewMotions(rays_first, rays_second, 1.5 / camera_.fx, options_.seed),
                   options_.max_sigma);
-  result.reason = "too_few_matches";
-  result.cause = "no_common_motion";
+  result.reason = LossReason::kTooFewMatches;
+  result.cause = LossReason::kNoCommonMotion;
   const int min_support = std::max(options_.min_points, options_.min_matches / 2);
   if (candidates.empty() || static_cast<int>(candidates[0].Support()) < min_support) return result;
   // Other motions that explain nearly as much: frames between the two must tell.
@@ -287,11 +287,11 @@ Initialization Initializer::Try(const FramePtr& first, const FramePtr& second,
         second_least = std::min(second_least, misfit);
       }
     }
-    result.reason = result.cause = "ambiguous";
+    result.reason = result.cause = LossReason::kAmbiguous;
     if (options_.max_misfit_ratio * second_least < least) return result;
   }
   const Judged& best = candidates[winner];
-  result.reason = result.cause = "no_parallax";
+  result.reason = result.cause = LossReason::kNoParallax;
   if (static_cast<int>(best.matches.size()) < options_.min_points ||
       best.median_angle_deg < options_.min_median_angle_deg) {
     return result;
@@ -307,8 +307,8 @@ Initialization Initializer::Try(const FramePtr& first, const FramePtr& second,
     result.points.push_back({m.a, m.b, best.points[i] * scale});
   }
   result.success = true;
-  result.reason.clear();
-  result.cause.clear();
+  result.reason = LossReason::kNone;
+  result.cause = LossReason::kNone;
   return result;
 }
 

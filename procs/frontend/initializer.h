@@ -8,6 +8,7 @@
 #include "libs/geometry/camera.h"
 #include "libs/stream/records.h"
 #include "procs/frontend/frame.h"
+#include "procs/frontend/loss_reason.h"
 
 namespace mapmend {
 
@@ -33,10 +34,10 @@ struct InitialPoint {
 
 struct Initialization {
   bool success = false;
-  std::string reason;  // if not: too_few_matches, no_parallax, ambiguous
+  LossReason reason = LossReason::kNone;  // if not: too_few_matches, no_parallax, ambiguous
   // Finer than the reason, for a person: too_few_matches may also be no_common_motion (enough matches, but no motion of
   // such a camera explains them), no_parallax may also be no_motion (the image stands still).
-  std::string cause = "too_few_matches";
+  LossReason cause = LossReason::kTooFewMatches;
   FramePtr first, second;
   Rigid3 second_from_first;
   std::vector<InitialPoint> points;
@@ -83,7 +84,7 @@ class Initializer {
   std::deque<FramePtr> frames_;
   static constexpr int64_t kNever = std::numeric_limits<int64_t>::min() / 2;
   int64_t refused_utime_ = kNever;  // of the last frame that was refused though it shares enough
-  std::string refused_reason_, refused_cause_;
+  LossReason refused_reason_ = LossReason::kNone, refused_cause_ = LossReason::kNone;
 };
 
 }  // namespace mapmend

@@ -353,8 +353,9 @@ int RunFrontend(const RunOptions& options) {
     track_ms.push_back(1e3 * outcome.tracking_s);
     bus.Publish(channels::kFramePose, ToMessage(session, *frame, outcome));
     spdlog::debug("frame {}: {} {} {} inliers{}; {} features, brightness {:.0f}, sharpness {:.1f}", frame->index,
-                  outcome.method, outcome.cause, outcome.num_inliers, outcome.keyframe ? ", keyframe" : "",
-                  frame->features.Size(), frame->mean_brightness, frame->sharpness);
+                  ToString(outcome.method), ToString(outcome.cause), outcome.num_inliers,
+                  outcome.keyframe ? ", keyframe" : "", frame->features.Size(), frame->mean_brightness,
+                  frame->sharpness);
     diary.OnFrame(*frame, outcome);
     report();
     health.Tick();

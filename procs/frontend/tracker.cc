@@ -173,7 +173,7 @@ std::vector<int> Tracker::LocalKeyframes(const WorkingMap& map, const std::vecto
 TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::vector<int>& hints, WorkingMap* map,
                            Frame* frame) const {
   TrackResult result;
-  result.reason = "too_few_matches";
+  result.reason = LossReason::kTooFewMatches;
   frame->points.assign(frame->features.Size(), -1);
   bool found = false;
   if (prediction) {
@@ -187,7 +187,7 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
       if (count >= options_.min_motion_matches && Optimize(*map, *prediction, frame, &inliers) &&
           inliers >= options_.min_motion_matches && inliers * 4 >= count) {
         found = true;
-        result.method = factor == 1.0 ? "motion" : "wide";
+        result.method = factor == 1.0 ? TrackMethod::kMotion : TrackMethod::kWide;
         break;
       }
     }
@@ -197,14 +197,14 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
     std::fill(frame->points.begin(), frame->points.end(), -1);
     if (MatchKeyframe(*map, hints[i], frame)) {
       found = true;
-      result.method = "descriptors";
+      result.method = TrackMethod::kDescriptors;
     }
   }
   if (!found) {
     std::fill(frame->points.begin(), frame->points.end(), -1);
     return result;
   }
-  result.reason = "too_few_inliers";
+  result.reason = LossReason::kTooFewInliers;
   const StageTimer timer("track/local_map");
   // The local map: everything that should be in view now. Twice, because the second time the pose is better.
   std::vector<int> points;
@@ -217,14 +217,14 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
   const std::vector<int> visible = VisiblePoints(*map, points, frame->cam_from_submap);
   result.num_visible = static_cast<int>(visible.size());
   const bool is_enough = result.num_inliers >= options_.min_inliers && result.spread >= options_.min_spread;
-  const double max_sigma = options_.max_position_sigma * (result.method == "descriptors" ? 1 : 2);
+  const double max_sigma = options_.max_position_sigma * (result.method == TrackMethod::kDescriptors ? 1 : 2);
   // A wrong pose finds the few points that made it, and none of the others that should be in view; or those that it
   // finds would as well be seen from elsewhere.
   if (is_enough)
     result.position_sigma = RelativePositionSigma(camera_, frame->cam_from_submap, Observations(*map, *frame));
   if (!is_enough || result.num_inliers < options_.min_found_share * result.num_visible ||
       result.position_sigma > max_sigma) {
-    if (is_enough) result.reason = "unsupported_pose";
+    if (is_enough) result.reason = LossReason::kUnsupportedPose;
     std::fill(frame->points.begin(), frame->points.end(), -1);
     return result;
   }
@@ -242,7 +242,7 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
     }
   }
   result.success = true;
-  result.reason.clear();
+  result.reason = LossReason::kNone;
   return result;
 }
 

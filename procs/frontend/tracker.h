@@ -6,6 +6,7 @@
 
 #include "libs/geometry/camera.h"
 #include "libs/optim/pose_optimization.h"
+#include "procs/frontend/loss_reason.h"
 #include "procs/frontend/working_map.h"
 
 namespace mapmend {
@@ -25,8 +26,8 @@ struct TrackerOptions {
 
 struct TrackResult {
   bool success = false;
-  std::string reason;  // if not: too_few_matches, too_few_inliers, unsupported_pose
-  std::string method;  // motion, wide, descriptors
+  LossReason reason = LossReason::kNone;    // if not: too_few_matches, too_few_inliers, unsupported_pose
+  TrackMethod method = TrackMethod::kNone;  // motion, wide, descriptors
   int num_inliers = 0;
   int num_visible = 0;  // points of the local map that should be in view
   double spread = 0;

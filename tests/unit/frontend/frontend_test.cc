@@ -148,7 +148,8 @@ TEST(Frontend, APoseThatFewOfTheVisiblePointsSupportIsNotBelieved) {
     frame->grid = FeatureGrid(frame->features.keypoints, scene.Camera().width, scene.Camera().height);
     EXPECT_GE(num_known, 30);
     const FrameOutcome outcome = run.frontend.ProcessFrame(frame);
-    EXPECT_EQ(outcome.state == FrontendState::kTracking, every == 1) << outcome.num_inliers << " " << outcome.reason;
+    EXPECT_EQ(outcome.state == FrontendState::kTracking, every == 1)
+        << outcome.num_inliers << " " << ToString(outcome.reason);
   }
 }
 
@@ -176,7 +177,7 @@ TEST(Frontend, APoseThatItsPointsLeaveOpenIsNotBelieved) {
     frame->grid = FeatureGrid(frame->features.keypoints, camera.width, camera.height);
     const FrameOutcome outcome = run.frontend.ProcessFrame(frame);
     EXPECT_EQ(outcome.state == FrontendState::kTracking, part == 1.0) << part;
-    EXPECT_EQ(outcome.reason, part == 1.0 ? "" : "unsupported_pose");
+    EXPECT_EQ(outcome.reason, part == 1.0 ? LossReason::kNone : LossReason::kUnsupportedPose);
   }
 }
 

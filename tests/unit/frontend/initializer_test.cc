@@ -16,7 +16,7 @@ namespace {
 
 // Rotation exact to tenths of a degree, translation in the right direction, and points where they are, up to scale.
 void ExpectMotion(const Initialization& initialization, const Rigid3& first, const Rigid3& second) {
-  ASSERT_TRUE(initialization.success) << initialization.reason;
+  ASSERT_TRUE(initialization.success) << ToString(initialization.reason);
   const Rigid3 truth = second * first.Inverse();
   EXPECT_LT(RotationAngle(initialization.second_from_first.rotation * truth.rotation.conjugate()), 0.005);
   EXPECT_GT(initialization.second_from_first.translation.normalized().dot(truth.translation.normalized()), 0.999);
@@ -49,7 +49,7 @@ TEST(Initializer, PureRotationIsRefused) {
         turned;
     const Initialization result = initializer.AddFrame(scene.View(turned, i));
     EXPECT_FALSE(result.success);
-    EXPECT_FALSE(result.reason.empty());
+    EXPECT_NE(result.reason, LossReason::kNone);
   }
 }
 
@@ -87,7 +87,7 @@ TEST(Initializer, ImagesOfDifferentPlacesAreRefused) {
   initializer.AddFrame(scene.View(NadirPose(-5, 0), 0));
   const Initialization result = initializer.AddFrame(scene.View(NadirPose(5, 0), 1));
   EXPECT_FALSE(result.success);
-  EXPECT_EQ(result.reason, "too_few_matches");
+  EXPECT_EQ(result.reason, LossReason::kTooFewMatches);
 }
 
 // A camera that drives forward: the first images soon share nothing with the current one, the last ones have no
@@ -104,7 +104,7 @@ TEST(Initializer, FindsThePartnerThatSharesEnough) {
     poses.push_back(NadirPose(0.02 * i, 0.01 * i));
     result = initializer.AddFrame(scene.View(poses.back(), 20 + i));
   }
-  ASSERT_TRUE(result.success) << result.reason;
+  ASSERT_TRUE(result.success) << ToString(result.reason);
   ExpectMotion(result, poses[result.first->index - 20], poses.back());
 }
 
