@@ -1,0 +1,86 @@
+#include "procs/frontend/local_mapper.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <map>
+#include <vector>
+
+#include "tests/unit/frontend/synthetic_flight.h"
+
+namespace mapmend {
+namespace {
+
+// A map whose keyframes and points lie where they truly are.
+class LocalMapperTest : public ::testing::Test {
+ protected:
+  using Points = std::map<std::array<double, 3>, int>;  // of a strip, by position
+
+  // A keyframe in which every feature observes the point of `points` that it shows; new ones are added.
+  void AddKeyframe(double x, double y, Points* points) {
+    const int index = map_.LastKeyframe() + 1;
+    const FramePtr frame = scene_.View(NadirPose(x, y), index);
+    frame->cam_from_submap = NadirPose(x, y);
+    map_.AddKeyframe(frame);
+    const std::vector<Eigen::Vector3d> shown = scene_.Shown(index);
+    for (size_t i = 0; i < shown.size(); ++i) {
+      auto [it, is_new] = points->try_emplace({shown[i].x(), shown[i].y(), shown[i].z()}, -1);
+      if (is_new) it->second = map_.AddPoint(shown[i], index);
+      map_.AddObservation(it->second, index, static_cast<int>(i));
+      map_.MutablePoint(it->second)->found = map_.MutablePoint(it->second)->visible = 10;
+    }
+    for (const auto& [position, point] : *points) map_.RefreshPoint(point);
+  }
+  // A point that the first num_keyframes keyframes see.
+  int SeenByAll(const Points& points, size_t num_keyframes) const {
+    for (const auto& [position, point] : points) {
+      if (map_.Point(point).observations.size() == num_keyframes) return point;
+    }
+    return -1;
+  }
+
+  SyntheticScene scene_{3000, -2, 4, 0.1, 3};
+  IdSource ids_;
+  WorkingMap map_{SubmapId(0), {}, &ids_};
+  LocalMapper mapper_{{}, scene_.Camera(), {}};
+};
+
+TEST_F(LocalMapperTest, RecentPointsThatAreSeldomFoundGo) {
+  Points points;
+  for (int i = 0; i < 3; ++i) AddKeyframe(0.1 * i, 0, &points);
+  const int bad = SeenByAll(points, 3);
+  ASSERT_GE(bad, 0);
+  map_.MutablePoint(bad)->found = 1;
+  int good = -1;
+  for (const auto& [position, point] : points) {
+    if (point != bad && map_.Point(point).observations.size() == 3) good = point;
+  }
+  ASSERT_GE(good, 0);
+  mapper_.Process(2, &map_);
+  EXPECT_TRUE(map_.Point(bad).removed);
+  EXPECT_FALSE(map_.Point(good).removed);
+}
+
+TEST_F(LocalMapperTest, PointsOfAStripAreFusedWithThoseOfTheStripBeside) {
+  Points first, second;
+  for (int i = 0; i < 4; ++i) AddKeyframe(0.2 * i, 0, &first);
+  for (int i = 0; i < 4; ++i) AddKeyframe(0.6 - 0.2 * i, 0.5, &second);  // the way back
+  const int last = map_.LastKeyframe();
+  const auto num_twice = [&] {
+    int count = 0;
+    for (const int point : map_.PointsOf(last)) {
+      for (const auto& [position, p] : second) {
+        const auto it = first.find(position);
+        count += p == point && it != first.end() && !map_.Point(it->second).removed;
+      }
+    }
+    return count;
+  };
+  const int before = num_twice();
+  ASSERT_GT(before, 100);
+  mapper_.Process(last, &map_);
+  EXPECT_LT(num_twice(), before / 5);
+}
+
+}  // namespace
+}  // namespace mapmend
