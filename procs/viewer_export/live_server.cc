@@ -1,6 +1,7 @@
 #include "procs/viewer_export/live_server.h"
 
 #include <unistd.h>
+#include <web/live_page.h>
 
 #include <algorithm>
 #include <atomic>
@@ -12,7 +13,6 @@
 #include <vector>
 
 #include "procs/viewer_export/live_guard.h"
-#include "procs/viewer_export/live_page.h"
 
 namespace mapmend {
 namespace {

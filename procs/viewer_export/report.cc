@@ -1,5 +1,7 @@
 #include "procs/viewer_export/report.h"
 
+#include <web/report_style.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cstdint>
@@ -10,7 +12,6 @@
 
 #include "libs/drawing/canvas.h"
 #include "libs/drawing/svg_canvas.h"
-#include "procs/viewer_export/report_style.h"
 
 namespace mapmend {
 namespace {
