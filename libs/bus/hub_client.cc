@@ -11,6 +11,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include "libs/bus/congestion.h"
+
 namespace mapmend {
 namespace {
 
@@ -44,6 +46,9 @@ void ConfigureSocket(int fd) {
   SetOption(fd, IPPROTO_TCP, TCP_KEEPCNT, 3);
   // On a link that loses packets a few lost repetitions must not make the next one wait for ever longer.
   SetOption(fd, IPPROTO_TCP, TCP_THIN_LINEAR_TIMEOUTS, 1);
+  sockaddr_in peer{};
+  socklen_t size = sizeof(peer);
+  if (getpeername(fd, reinterpret_cast<sockaddr*>(&peer), &size) == 0) PreferBbr(fd, peer);
 }
 
 }  // namespace

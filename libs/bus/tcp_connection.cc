@@ -8,6 +8,8 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "libs/bus/congestion.h"
+
 namespace mapmend {
 namespace {
 
@@ -33,6 +35,7 @@ TcpConnection::TcpConnection(const sockaddr_in& address, const Options& options)
   SetOption(fd_, IPPROTO_TCP, TCP_KEEPIDLE, 1);
   SetOption(fd_, IPPROTO_TCP, TCP_KEEPINTVL, 1);
   SetOption(fd_, IPPROTO_TCP, TCP_KEEPCNT, 3);
+  PreferBbr(fd_, address);
   ApplyUserTimeout();
   if (connect(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0 && errno != EINPROGRESS)
     FailWithErrno(errno);

@@ -85,6 +85,7 @@ RefinementScheduleOptions::RefinementScheduleOptions() {
 std::string RefinementScheduleOptions::Check() const {
   if (const std::string e = final_map.Check(); !e.empty()) return "final_map: " + e;
   if (const std::string e = live.Check(); !e.empty()) return "live: " + e;
+  if (live_growth <= 1) return "live_growth must be more than 1";
   return "";
 }
 
