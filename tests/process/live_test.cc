@@ -8,6 +8,7 @@
 
 #include <csignal>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <mapmend/health_t.hpp>
 #include <mapmend/image_t.hpp>
@@ -135,12 +136,21 @@ TEST(Live, BadImagesAreCountedAndDroppedAndCtrlCEndsTheFlight) {
   cut.data.resize(1000);
   cut.num_bytes = 1000;
   no_jpeg.format = image_t::JPEG;
+  // One at a time, until it is counted: on a busy machine the bus may keep only the newest image.
+  int num_bad = 0;
+  const auto is_refused = [&](const std::function<bool()>& publish) {
+    for (int i = 0; i < 10; ++i) {
+      EXPECT_TRUE(publish());
+      if (!frontend.WaitFor([&] { return frontend.Counter("bad_messages") > num_bad; }, 5)) continue;
+      num_bad = static_cast<int>(frontend.Counter("bad_messages"));
+      return true;
+    }
+    return false;
+  };
   for (const image_t* bad : {&small, &unknown, &cut, &no_jpeg})
-    ASSERT_TRUE(frontend.bus()->Publish(channels::kImage, *bad));
+    EXPECT_TRUE(is_refused([&] { return frontend.bus()->Publish(channels::kImage, *bad); }));
   const uint8_t garbage[] = {1, 2, 3};
-  ASSERT_TRUE(frontend.bus()->PublishRaw(channels::kImage, garbage, 3));
-  EXPECT_TRUE(frontend.WaitFor([&] { return frontend.Counter("bad_messages") == 5; }, 20))
-      << frontend.Counter("bad_messages");
+  EXPECT_TRUE(is_refused([&] { return frontend.bus()->PublishRaw(channels::kImage, garbage, 3); }));
   EXPECT_NE(frontend.Message().find("images are refused"), std::string::npos) << frontend.Message();
 
   const CommandResult published = RunCommand({kProgram, "publish", kFlight + "video.mp4", "--skip-frames", "8-171",
@@ -152,9 +162,7 @@ TEST(Live, BadImagesAreCountedAndDroppedAndCtrlCEndsTheFlight) {
   // One end of the stream may be anybody's: it ends nothing.
   ASSERT_TRUE(frontend.bus()->Publish(channels::kImage, image_t{}));
   grey.utime = 1;  // long before the flight
-  ASSERT_TRUE(frontend.bus()->Publish(channels::kImage, grey));
-  EXPECT_TRUE(frontend.WaitFor([&] { return frontend.Counter("bad_messages") == 6; }, 20))
-      << frontend.Counter("bad_messages");
+  EXPECT_TRUE(is_refused([&] { return frontend.bus()->Publish(channels::kImage, grey); }));
 
   run.Signal(SIGINT);
   const auto result = run.Wait(60);
@@ -162,7 +170,8 @@ TEST(Live, BadImagesAreCountedAndDroppedAndCtrlCEndsTheFlight) {
   EXPECT_EQ(result->exit_code, 0) << result->output;
   EXPECT_EQ(run.Survivors(), std::vector<pid_t>());
   const nlohmann::json summary = Summary(out);
-  EXPECT_EQ(summary["frontend"]["bad_messages"], 6);
+  EXPECT_GE(num_bad, 6);
+  EXPECT_GE(summary["frontend"]["bad_messages"], num_bad);
   EXPECT_EQ(summary["frames_in"].get<int>() + summary["frontend"]["frames_dropped"].get<int>(), 8);
   EXPECT_TRUE(summary["sessions"][0]["ended"].get<bool>());
   EXPECT_TRUE(std::filesystem::exists(out + "/report.html"));
