@@ -139,13 +139,13 @@ pid_t FindProcess(const RunningCommand& run, const std::string& program) {
 
 void KillAndAwaitReturn(const RunningCommand& run, const std::string& program) {
   pid_t pid = -1;
-  ASSERT_TRUE(WaitUntil([&] { return (pid = FindProcess(run, program)) > 0; }, 10)) << program;
+  ASSERT_TRUE(WaitUntil([&] { return (pid = FindProcess(run, program)) > 0; }, 60)) << program;
   kill(pid, SIGKILL);
   const auto has_returned = [&] {
     const pid_t next = FindProcess(run, program);
     return next > 0 && next != pid;
   };
-  ASSERT_TRUE(WaitUntil(has_returned, 10)) << program;
+  ASSERT_TRUE(WaitUntil(has_returned, 60)) << program;
 }
 
 }  // namespace mapmend

@@ -93,7 +93,8 @@ TEST(Bus, ReconnectsAndSubscribesAgainAfterTheHubRestarted) {
   }));
   hub.reset();
   EXPECT_TRUE(HandleUntil(&bus, [&] { return !bus.IsConnected(); }));
-  EXPECT_EQ(bus.Handle(30), 0);  // returns in spite of the hub's absence
+  while (bus.Handle(0) > 0) continue;  // what came before the hub went
+  EXPECT_EQ(bus.Handle(30), 0);        // returns in spite of the hub's absence
   hub = std::make_unique<RunningHub>(HubOptions{}, port);
   ASSERT_TRUE(HandleUntil(&bus, [&] { return bus.IsConnected(); }));
   EXPECT_TRUE(HandleUntil(&bus, [&] {
