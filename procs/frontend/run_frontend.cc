@@ -15,22 +15,15 @@
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/health.h"
-#include "libs/capture/device_images.h"
-#include "libs/capture/follow_folder.h"
 #include "libs/capture/image_mask.h"
-#include "libs/capture/image_source.h"
-#include "libs/capture/paced_images.h"
-#include "libs/geometry/camera_file.h"
-#include "libs/image_messages/image_log.h"
 #include "libs/retrieval/vocabulary.h"
 #include "libs/stream/session_id.h"
 #include "libs/wire/stream_sender.h"
 #include "procs/frontend/flight_diary.h"
 #include "procs/frontend/frame_queue.h"
-#include "procs/frontend/live_images.h"
+#include "procs/frontend/frontend_input.h"
 #include "procs/frontend/profiler.h"
 #include "procs/frontend/resume.h"
-#include "procs/frontend/resumed_images.h"
 #include "procs/frontend/run_options.h"
 
 namespace mapmend {
@@ -46,104 +39,6 @@ double Percentile(std::vector<double> values, double share) {
   const auto at = values.begin() + static_cast<long>(share * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), at, values.end());
   return *at;
-}
-
-void CheckInput(const RunOptions& options) {
-  const auto refuse = [](bool given, const char* what) {
-    if (given) throw std::runtime_error(std::string(what) + " does not go with --live");
-  };
-  if (options.mode == InputMode::kLive) {
-    refuse(!options.inputs.empty(), "an input file");
-    refuse(!options.times_path.empty(), "--times");
-    refuse(!options.skip_frames.empty(), "--skip-frames");
-  } else if (options.inputs.empty()) {
-    throw std::runtime_error("no input: give a video file or a folder of images, or --live");
-  }
-}
-
-std::unique_ptr<LiveStream> OpenLive(const RunOptions& options, const Camera& camera) {
-  if (options.source.empty()) {
-    return std::make_unique<LiveImages>(
-        options.local_url.empty() ? ResolveLcmUrl(options.process.lcm_url) : options.local_url,
-        options.process.channel_prefix, options.image_channel, camera.width, camera.height, options.max_waiting);
-  }
-  if (!DeviceImages::IsDevice(options.source))
-    return std::make_unique<FollowFolder>(options.source, camera.width, camera.height);
-  return std::make_unique<DeviceImages>(options.source, camera.width, camera.height, options.max_waiting,
-                                        [](const std::string& line) { spdlog::info("{}", line); });
-}
-
-// The images of one run: files, in real time or not, or a camera.
-class Input {
- public:
-  // file: null for a camera.
-  Input(const RunOptions& options, const Camera& camera, std::unique_ptr<ImageSource> file, const ResumePoint& resume)
-      : file_(std::move(file)) {
-    if (!file_) live_ = OpenLive(options, camera);
-    base_ = live_ ? static_cast<ImageStream*>(live_.get()) : file_.get();
-    if (resume.is_resumed || options.first_frame > 0) {
-      resumed_ = std::make_unique<ResumedImages>(
-          base_, ResumedImages::Start{live_ != nullptr, options.first_frame, resume.last_frame, resume.last_utime});
-      base_ = resumed_.get();
-    }
-    if (options.mode == InputMode::kRealtime)
-      paced_ = std::make_unique<PacedImages>(base_, options.speed, options.max_waiting);
-  }
-  ImageStream* Stream() const { return paced_ ? paced_.get() : base_; }
-  int NumFrames() const { return file_ ? file_->NumFrames() : 0; }  // 0: nobody knows
-  int NumPassed() const { return resumed_ ? resumed_->NumPassed() : 0; }
-  int FramesHint() const { return file_ ? file_->FramesHint() : 0; }
-  int NumLeftOut() const { return file_ ? file_->GetLeftOut().Count() : 0; }
-  int64_t NumBad() const { return live_ ? live_->NumBad() : 0; }
-  std::string LastProblem() const { return live_ ? live_->LastProblem() : ""; }
-  std::string News() const { return live_ ? live_->News() : ""; }
-  int64_t NumNews() const { return live_ ? live_->NumNews() : 0; }
-  std::string Name() const { return live_ ? live_->Name() : ""; }
-  std::string Problem() const { return file_ ? file_->Problem() : ""; }
-  void LogLeftOut() const {
-    if (!file_) return;
-    for (const std::string& sentence : file_->GetLeftOut().Sentences()) spdlog::warn("left out: {}", sentence);
-  }
-
- private:
-  std::unique_ptr<LiveStream> live_;
-  std::unique_ptr<ImageSource> file_;
-  std::unique_ptr<ResumedImages> resumed_;  // reads one of them
-  ImageStream* base_ = nullptr;             // the last of these three
-  std::unique_ptr<PacedImages> paced_;      // reads base_
-};
-
-std::unique_ptr<ImageSource> OpenFiles(const RunOptions& options, const Camera& camera) {
-  SourceOptions source;
-  source.inputs = options.inputs;
-  source.open_other = LogOpener(options.image_channel);
-  source.times_path = options.times_path;
-  source.camera_fps = camera.fps;
-  source.skip = ParseFrameRanges(options.skip_frames);
-  source.every = options.every;
-  source.start_s = options.start_s;
-  source.end_s = options.end_s;
-  return std::make_unique<ImageSource>(source);
-}
-
-// The calibration for images of this size.
-Camera FitCamera(const RunOptions& options, int width, int height) {
-  const CameraFile file = ReadCameraFor(options.camera_path, width, height);
-  for (const std::string& note : file.notes) spdlog::info("frontend: {}", note);
-  return file.camera;
-}
-
-// The camera as the images of the input need it: most of them tell the size.
-//   file  null for a camera, whose file must tell it
-Camera InputCamera(const RunOptions& options, const Camera& given, const ImageSource* file) {
-  if (file == nullptr) {
-    if (given.width > 0) return FitCamera(options, given.width, given.height);
-    throw std::runtime_error("camera file " + options.camera_path +
-                             ": does not say width and height, which --live needs");
-  }
-  const auto [width, height] = file->UsualSize();
-  if (width == 0) throw std::runtime_error("input " + options.inputs.front() + ": holds no readable frame");
-  return FitCamera(options, width, height);
 }
 
 frame_pose_t ToMessage(const std::string& session, const Frame& frame, const FrameOutcome& outcome) {
@@ -248,147 +143,221 @@ std::string DescribeDropped(int64_t num_dropped, int64_t num_bad) {
   return text;
 }
 
+Camera ScaledToFit(const Camera& camera, int max_dimension) {
+  const int dimension = std::max(camera.width, camera.height);
+  const bool fits = max_dimension <= 0 || dimension <= max_dimension;
+  return fits ? camera : camera.Scaled(max_dimension / static_cast<double>(dimension));
+}
+
+OrbOptions OrbFor(const RunOptions& options, const Camera& camera) {
+  OrbOptions orb;
+  orb.num_features = options.num_features;
+  if (orb.num_features == 0) orb.num_features = camera.width * camera.height <= 1000000 ? 1000 : 2000;
+  orb.Check();
+  return orb;
+}
+
+std::shared_ptr<const cv::Mat> MaskFor(const RunOptions& options, const Camera& camera) {
+  if (options.mask_path.empty()) return nullptr;
+  return std::make_shared<cv::Mat>(ReadMask(options.mask_path, camera.width, camera.height));
+}
+
+std::string SessionFor(const RunOptions& options) {
+  if (!options.session.empty()) return options.session;
+  return options.mode == InputMode::kLive ? NewSessionId() : SessionForFile(options);
+}
+
+FrontendOptions FrontendOptionsFor(const RunOptions& options) {
+  FrontendOptions frontend = options.frontend;
+  frontend.starter.initializer.seed = frontend.tracker.seed = options.seed;
+  frontend.mapping_thread = options.mode != InputMode::kLockstep;
+  return frontend;
+}
+
+StreamSenderOptions SenderOptionsFor(const RunOptions& options) {
+  StreamSenderOptions sender;
+  sender.outbox_path = options.outbox_path;
+  return sender;
+}
+
+Pyramid PyramidOf(const OrbOptions& orb) { return {orb.scale_factor, orb.num_levels}; }
+
+// One run of the frontend: input, tracking, the stream to the store, what people are told.
+class FrontendRun {
+ public:
+  FrontendRun(const RunOptions& options, std::unique_ptr<ImageSource> file);
+  // Returns the process's exit code.
+  int Run();
+
+ private:
+  void OnFrame(const FramePtr& frame);
+  void TrackAll();
+  void Finish();
+  void Report();
+  void ReportSource();
+  int ExitCode();
+  // Frames of this session before this frontend.
+  int NumBefore() const { return is_live_ ? resume_.last_frame + 1 : input_->NumPassed(); }
+
+  const RunOptions options_;
+  const bool is_live_;
+  const Camera input_camera_, camera_;
+  const Vocabulary vocabulary_;
+  const OrbOptions orb_;
+  const FrameMaker maker_;
+  const std::string session_;
+  Bus bus_;
+  std::unique_ptr<Bus> local_bus_;
+  HealthReporter health_;
+  StreamSender sender_;
+  Frontend frontend_;
+  EventLog events_;
+  FlightDiary diary_;
+  ResumePoint resume_;
+  std::unique_ptr<ImageSource> file_;  // until there is an input
+  std::unique_ptr<Input> input_;
+
+  const std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+  std::vector<double> track_ms_;
+  int num_frames_ = 0;
+  int64_t last_utime_ = 0, num_unseen_ = 0;
+};
+
+FrontendRun::FrontendRun(const RunOptions& options, std::unique_ptr<ImageSource> file)
+    : options_(options),
+      is_live_(options.mode == InputMode::kLive),
+      input_camera_(InputCamera(options, file.get())),
+      camera_(ScaledToFit(input_camera_, options.max_dimension)),
+      vocabulary_(Vocabulary::Read(options.vocabulary_path)),
+      orb_(OrbFor(options, camera_)),
+      maker_(input_camera_, camera_, orb_, MaskFor(options, camera_)),
+      session_(SessionFor(options)),
+      bus_(ResolveLcmUrl(options.process.lcm_url), options.process.channel_prefix),
+      local_bus_(options.local_url.empty() ? nullptr
+                                           : std::make_unique<Bus>(options.local_url, options.process.channel_prefix)),
+      health_(&bus_, "frontend"),
+      sender_(&bus_, session_, SenderOptionsFor(options)),
+      frontend_(FrontendOptionsFor(options), camera_.Ideal(), PyramidOf(orb_), &vocabulary_,
+                [this](int64_t utime, RecordBody body) { sender_.Append(utime, std::move(body)); }),
+      events_(options.events_path, "frontend"),
+      diary_(&events_, &health_),
+      file_(std::move(file)) {
+  if (local_bus_) health_.AlsoTo(local_bus_.get());
+}
+
+int FrontendRun::Run() {
+  resume_ = FindResumePoint(options_, session_, &sender_, &health_);
+  if (resume_.ended) {
+    health_.SetCursor(session_, sender_.LastSeq());
+    health_.SetState("done", "session " + session_ + " is complete already");
+    return 0;
+  }
+  if (resume_.is_resumed) frontend_.ContinueAfter(resume_.ids);
+  EndOpenSubmap(resume_, &sender_);
+  last_utime_ = resume_.last_utime;
+  input_ = std::make_unique<Input>(options_, input_camera_, std::move(file_), resume_);
+  health_.SetCounter("frames_total", input_->FramesHint());
+  health_.SetCounter("live", is_live_);
+  health_.SetState(is_live_ ? "ready" : "busy", is_live_ ? "waits for images on " + input_->Name() : "");
+  TrackAll();
+  Finish();
+  return ExitCode();
+}
+
+void FrontendRun::TrackAll() {
+  FrameQueue queue(input_->Stream(), &maker_, options_.mode == InputMode::kLockstep ? 3 : 1);
+  while (!StopRequested()) {
+    const FramePtr frame = queue.Next(kTickMs);
+    if (!frame && queue.HasEnded()) break;
+    if (frame) OnFrame(frame);
+    Report();
+    health_.Tick();
+  }
+}
+
+void FrontendRun::OnFrame(const FramePtr& frame) {
+  if (num_frames_++ == 0) {
+    const SessionStarted started =
+        DescribeSession(options_, camera_, PyramidOf(orb_), vocabulary_, input_->NumFrames());
+    diary_.OnStart(session_, started.source, camera_.width, camera_.height);
+    if (!resume_.is_resumed) sender_.Append(frame->utime, started);
+  }
+  last_utime_ = frame->utime;
+  num_unseen_ += frame->num_unseen;
+  const FrameOutcome outcome = frontend_.ProcessFrame(frame);
+  track_ms_.push_back(1e3 * outcome.tracking_s);
+  bus_.Publish(channels::kFramePose, ToMessage(session_, *frame, outcome));
+  spdlog::debug("frame {}: {} {} {} inliers{}; {} features, brightness {:.0f}, sharpness {:.1f}", frame->index,
+                ToString(outcome.method), ToString(outcome.cause), outcome.num_inliers,
+                outcome.keyframe ? ", keyframe" : "", frame->features.Size(), frame->mean_brightness, frame->sharpness);
+  diary_.OnFrame(*frame, outcome);
+  if (const std::string error = sender_.StoreError(); !error.empty() && num_frames_ % 100 == 1) {
+    spdlog::warn("the submap store cannot write: {}; buffering", error);
+  }
+}
+
+void FrontendRun::Report() {
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
+  health_.SetCounter("frames", NumBefore() + num_frames_);
+  health_.SetCounter("frames_dropped", static_cast<double>(input_->Stream()->NumDropped()));
+  health_.SetCounter("frames_left_out", input_->NumLeftOut());
+  health_.SetCounter("bad_messages", static_cast<double>(input_->NumBad()));
+  health_.SetCounter("fps", num_frames_ / std::max(1e-3, seconds));
+  health_.SetCounter("tracked", frontend_.NumTracked());
+  health_.SetCounter("submaps", frontend_.NumSubmaps());
+  health_.SetCounter("keyframes", frontend_.NumKeyframes());
+  health_.SetCounter("losses", frontend_.NumLosses());
+  health_.SetCursor(session_, sender_.LastSeq());
+  health_.SetQueueDepth(static_cast<int>(sender_.LastSeq() - sender_.AcknowledgedSeq()));
+  ReportSource();
+}
+
+void FrontendRun::ReportSource() {
+  health_.SetCounter("source_news", static_cast<double>(input_->NumNews()));
+  const std::string news = input_->News(), problem = input_->LastProblem();
+  if (!news.empty() || !problem.empty()) {
+    health_.SetState(num_frames_ > 0 ? "busy" : "ready", !news.empty() ? news : "images are refused: " + problem);
+  } else if (num_frames_ > 0) {
+    health_.SetState("busy");
+  }
+}
+
+void FrontendRun::Finish() {
+  // To be stopped is how a live flight ends.
+  const bool cut_off = StopRequested() && !is_live_;
+  const bool goes_on = resume_.is_resumed || !options_.continues.empty();
+  if (num_frames_ == 0 && !cut_off && !goes_on) throw std::runtime_error(ExplainNoFrame(options_, *input_));
+  frontend_.Finish();
+  if (num_frames_ > 0 || resume_.is_resumed) sender_.Append(last_utime_, SessionEnded{NumBefore() + num_frames_});
+  diary_.OnEnd(NumBefore() + num_frames_, frontend_.NumTracked(), input_->Stream()->NumDropped());
+  Report();
+  health_.SetCounter("track_ms_median", Percentile(track_ms_, 0.5));
+  health_.SetCounter("track_ms_p95", Percentile(track_ms_, 0.95));
+  health_.Tick();
+  DeliverAll(options_, is_live_, &sender_, &health_);
+  Report();
+}
+
+int FrontendRun::ExitCode() {
+  if (!options_.profile_path.empty()) WriteProfile(options_.profile_path);
+  if (num_unseen_ > 0)
+    spdlog::info("frontend: {} features lay where the lens model has no inverse and were left out", num_unseen_);
+  const std::string dropped = DescribeDropped(input_->Stream()->NumDropped(), input_->NumBad());
+  if (!dropped.empty()) spdlog::warn("{}", dropped);
+  const std::string problem = input_->Problem();
+  health_.SetState("done", problem.empty() ? dropped : problem);
+  if (problem.empty()) return 0;
+  input_->LogLeftOut();
+  spdlog::error("{}", problem);
+  return kExitPartOfInput;
+}
+
 }  // namespace
 
 int RunFrontend(const RunOptions& options) {
   if (!options.profile_path.empty()) Profiler::Global().Enable();
   CheckInput(options);
-  const bool is_live = options.mode == InputMode::kLive;
-  const Camera given_camera = ReadCamera(options.camera_path);
-  std::unique_ptr<ImageSource> file;
-  if (!is_live) file = OpenFiles(options, given_camera);
-  const Camera input_camera = InputCamera(options, given_camera, file.get());
-  Camera camera = input_camera;
-  const int dimension = std::max(camera.width, camera.height);
-  if (options.max_dimension > 0 && dimension > options.max_dimension)
-    camera = camera.Scaled(options.max_dimension / static_cast<double>(dimension));
-  const Vocabulary vocabulary = Vocabulary::Read(options.vocabulary_path);
-  OrbOptions orb;
-  orb.num_features = options.num_features;
-  if (orb.num_features == 0) orb.num_features = camera.width * camera.height <= 1000000 ? 1000 : 2000;
-  orb.Check();
-  std::shared_ptr<const cv::Mat> mask;
-  if (!options.mask_path.empty())
-    mask = std::make_shared<cv::Mat>(ReadMask(options.mask_path, camera.width, camera.height));
-  const FrameMaker maker(input_camera, camera, orb, mask);
-  const std::string session = !options.session.empty() ? options.session
-                              : is_live                ? NewSessionId()
-                                                       : SessionForFile(options);
-
-  Bus bus(ResolveLcmUrl(options.process.lcm_url), options.process.channel_prefix);
-  std::unique_ptr<Bus> local_bus;
-  if (!options.local_url.empty()) local_bus = std::make_unique<Bus>(options.local_url, options.process.channel_prefix);
-  HealthReporter health(&bus, "frontend");
-  if (local_bus) health.AlsoTo(local_bus.get());
-  StreamSenderOptions sender_options;
-  sender_options.outbox_path = options.outbox_path;
-  StreamSender sender(&bus, session, sender_options);
-  FrontendOptions frontend_options = options.frontend;
-  frontend_options.initializer.seed = frontend_options.tracker.seed = options.seed;
-  frontend_options.mapping_thread = options.mode != InputMode::kLockstep;
-  const Pyramid pyramid{orb.scale_factor, orb.num_levels};
-  Frontend frontend(frontend_options, camera.Ideal(), pyramid, &vocabulary,
-                    [&](int64_t utime, RecordBody body) { sender.Append(utime, std::move(body)); });
-
-  const ResumePoint resume = FindResumePoint(options, session, &sender, &health);
-  if (resume.ended) {
-    health.SetCursor(session, sender.LastSeq());
-    health.SetState("done", "session " + session + " is complete already");
-    return 0;
-  }
-  if (resume.is_resumed) frontend.ContinueAfter(resume.ids);
-  EndOpenSubmap(resume, &sender);
-  EventLog events(options.events_path, "frontend");
-  FlightDiary diary(&events, &health);
-
-  // Last of all: a camera or a clock does not wait.
-  const Input input(options, input_camera, std::move(file), resume);
-  // Of this session, before this frontend.
-  const auto num_before = [&] { return is_live ? resume.last_frame + 1 : input.NumPassed(); };
-  FrameQueue queue(input.Stream(), &maker, options.mode == InputMode::kLockstep ? 3 : 1);
-  health.SetCounter("frames_total", input.FramesHint());
-  health.SetCounter("live", is_live);
-  health.SetState(is_live ? "ready" : "busy", is_live ? "waits for images on " + input.Name() : "");
-  std::vector<double> track_ms;
-  const auto begin = std::chrono::steady_clock::now();
-  int num_frames = 0;
-  int64_t last_utime = resume.last_utime, num_unseen = 0;
-  const auto report = [&] {
-    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    health.SetCounter("frames", num_before() + num_frames);
-    health.SetCounter("frames_dropped", static_cast<double>(input.Stream()->NumDropped()));
-    health.SetCounter("frames_left_out", input.NumLeftOut());
-    health.SetCounter("bad_messages", static_cast<double>(input.NumBad()));
-    health.SetCounter("fps", num_frames / std::max(1e-3, seconds));
-    health.SetCounter("tracked", frontend.NumTracked());
-    health.SetCounter("submaps", frontend.NumSubmaps());
-    health.SetCounter("keyframes", frontend.NumKeyframes());
-    health.SetCounter("losses", frontend.NumLosses());
-    health.SetCursor(session, sender.LastSeq());
-    health.SetQueueDepth(static_cast<int>(sender.LastSeq() - sender.AcknowledgedSeq()));
-    health.SetCounter("source_news", static_cast<double>(input.NumNews()));
-    const std::string news = input.News();
-    if (const std::string problem = input.LastProblem(); !news.empty() || !problem.empty()) {
-      health.SetState(num_frames > 0 ? "busy" : "ready", !news.empty() ? news : "images are refused: " + problem);
-    } else if (num_frames > 0) {
-      health.SetState("busy");
-    }
-  };
-  while (!StopRequested()) {
-    const FramePtr frame = queue.Next(kTickMs);
-    if (!frame) {
-      if (queue.HasEnded()) break;
-      report();
-      health.Tick();
-      continue;
-    }
-    if (num_frames++ == 0) {
-      const SessionStarted started = DescribeSession(options, camera, pyramid, vocabulary, input.NumFrames());
-      diary.OnStart(session, started.source, camera.width, camera.height);
-      if (!resume.is_resumed) sender.Append(frame->utime, started);
-    }
-    last_utime = frame->utime;
-    num_unseen += frame->num_unseen;
-    const FrameOutcome outcome = frontend.ProcessFrame(frame);
-    track_ms.push_back(1e3 * outcome.tracking_s);
-    bus.Publish(channels::kFramePose, ToMessage(session, *frame, outcome));
-    spdlog::debug("frame {}: {} {} {} inliers{}; {} features, brightness {:.0f}, sharpness {:.1f}", frame->index,
-                  ToString(outcome.method), ToString(outcome.cause), outcome.num_inliers,
-                  outcome.keyframe ? ", keyframe" : "", frame->features.Size(), frame->mean_brightness,
-                  frame->sharpness);
-    diary.OnFrame(*frame, outcome);
-    report();
-    health.Tick();
-    if (const std::string error = sender.StoreError(); !error.empty() && num_frames % 100 == 1) {
-      spdlog::warn("the submap store cannot write: {}; buffering", error);
-    }
-  }
-  // To be stopped is how a live flight ends.
-  const bool cut_off = StopRequested() && !is_live;
-  const bool goes_on = resume.is_resumed || !options.continues.empty();
-  if (num_frames == 0 && !cut_off && !goes_on) throw std::runtime_error(ExplainNoFrame(options, input));
-  frontend.Finish();
-  if (num_frames > 0 || resume.is_resumed) sender.Append(last_utime, SessionEnded{num_before() + num_frames});
-  diary.OnEnd(num_before() + num_frames, frontend.NumTracked(), input.Stream()->NumDropped());
-  report();
-  health.SetCounter("track_ms_median", Percentile(track_ms, 0.5));
-  health.SetCounter("track_ms_p95", Percentile(track_ms, 0.95));
-  health.Tick();
-  DeliverAll(options, is_live, &sender, &health);
-  report();
-  if (!options.profile_path.empty()) WriteProfile(options.profile_path);
-  if (num_unseen > 0)
-    spdlog::info("frontend: {} features lay where the lens model has no inverse and were left out", num_unseen);
-  const std::string dropped = DescribeDropped(input.Stream()->NumDropped(), input.NumBad());
-  if (!dropped.empty()) spdlog::warn("{}", dropped);
-  const std::string problem = input.Problem();
-  health.SetState("done", problem.empty() ? dropped : problem);
-  if (!problem.empty()) {
-    input.LogLeftOut();
-    spdlog::error("{}", problem);
-    return kExitPartOfInput;
-  }
-  return 0;
+  return FrontendRun(options, OpenFiles(options)).Run();
 }
 
 }  // namespace mapmend

@@ -18,7 +18,7 @@ std::string ToJson(const RunOptions& options) {
       {"skip_frames", options.skip_frames},
       {"max_lost_frames", f.max_lost_frames},
       {"relocalisation_frames", f.relocalisation_frames},
-      {"keyframe_ratio", f.keyframe_ratio},
+      {"keyframe_ratio", f.keyframes.min_shared},
       {"min_inliers", f.tracker.min_inliers},
       {"bundle_keyframes", f.mapper.bundle_keyframes},
   };

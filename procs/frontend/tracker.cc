@@ -246,4 +246,14 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
   return result;
 }
 
+TrackResult Tracker::TrackAfterwards(const std::vector<int>& hints, WorkingMap* map, Frame* frame) const {
+  TrackResult result = Track(std::nullopt, hints, map, frame);
+  if (result.success && (result.spread < options_.min_spread_afterwards ||
+                         result.position_sigma > options_.max_position_sigma_afterwards)) {
+    result.success = false;
+    std::fill(frame->points.begin(), frame->points.end(), -1);
+  }
+  return result;
+}
+
 }  // namespace mapmend

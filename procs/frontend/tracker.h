@@ -21,6 +21,10 @@ struct TrackerOptions {
   int min_motion_matches = 20;   // fewer: wider search, then descriptor matching
   double local_radius_px = 4;    // search radius in the local map, at octave 0
   int max_local_keyframes = 30;
+  // For a frame that is tracked afterwards: share of the image's cells that must hold an inlier, and the largest
+  // standard deviation of its position, of the median depth.
+  double min_spread_afterwards = 0.2;
+  double max_position_sigma_afterwards = 0.008;
   uint64_t seed = 1;
 };
 
@@ -48,6 +52,9 @@ class Tracker {
   // success frame->points and cam_from_submap are set; on failure frame->points is all -1.
   TrackResult Track(const std::optional<Rigid3>& prediction, const std::vector<int>& hints, WorkingMap* map,
                     Frame* frame) const;
+  // A frame of the past, for which nothing that follows will tell whether its pose was right: its points must be spread
+  // wider and fix it better.
+  TrackResult TrackAfterwards(const std::vector<int>& hints, WorkingMap* map, Frame* frame) const;
 
  private:
   // Keyframes whose points are searched: those that share points with the frame, then those they share points with.

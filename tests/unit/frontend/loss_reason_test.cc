@@ -44,7 +44,7 @@ TEST(LossReason, AnImageThatStartsNoMap) {
 
 TEST(LossReason, TwoImagesThatStartNoMap) {
   FrontendOptions careful;
-  careful.initializer.min_median_angle_deg = 5;
+  careful.starter.initializer.min_median_angle_deg = 5;
   Flight still, creeping(careful), shuffled;
   still.Fly(NadirPose(0, 0));
   EXPECT_EQ(still.Fly(NadirPose(0, 0)).cause, LossReason::kNoMotion);
@@ -59,8 +59,8 @@ TEST(LossReason, TwoImagesThatStartNoMap) {
   frame->grid = FeatureGrid(frame->features.keypoints, 800, 600);
   EXPECT_EQ(shuffled.frontend.ProcessFrame(frame).cause, LossReason::kNoCommonMotion);
   FrontendOptions options;
-  options.initializer.ambiguity_ratio = 0;
-  options.initializer.max_misfit_ratio = 0;
+  options.starter.initializer.ambiguity_ratio = 0;
+  options.starter.initializer.max_misfit_ratio = 0;
   Flight ambiguous(options);
   ambiguous.Fly(NadirPose(0, 0));
   EXPECT_EQ(ambiguous.Fly(NadirPose(0.2, 0)).cause, LossReason::kAmbiguous);
@@ -79,6 +79,17 @@ TEST(LossReason, AnImageThatIsNotTracked) {
   frame->utime += 10000000;
   EXPECT_EQ(late.frontend.ProcessFrame(frame).reason, LossReason::kInputGap);
   EXPECT_EQ(other.frontend.ProcessFrame(other.Elsewhere()).reason, LossReason::kTooFewMatches);
+}
+
+// Two frames fit, but bundle adjustment finds too few of their points good.
+TEST(LossReason, ABeginningOfWhichNoMapComes) {
+  FrontendOptions strict;
+  strict.mapper.outlier_chi2 = 1e-3;
+  Flight flight(strict), usual;
+  for (Flight* f : {&flight, &usual}) f->Fly(NadirPose(0, 0));
+  EXPECT_EQ(usual.Fly(NadirPose(0.2, 0)).cause, LossReason::kNone);
+  EXPECT_EQ(flight.Fly(NadirPose(0.2, 0)).cause, LossReason::kNotConfirmed);
+  EXPECT_EQ(flight.frontend.NumSubmaps(), 0);
 }
 
 TEST(LossReason, TooFewInliersAbandonWhatWasBegun) {
@@ -107,8 +118,8 @@ TEST(LossReason, AJumpIsBelievedOnlyIfEnoughIsFound) {
 TEST(Frontend, FramesTrackedAfterwardsAreHeldToStricterBounds) {
   const auto num_tracked = [](double min_spread, double max_sigma) {
     FrontendOptions options;
-    options.min_spread_afterwards = min_spread;
-    options.max_position_sigma_afterwards = max_sigma;
+    options.tracker.min_spread_afterwards = min_spread;
+    options.tracker.max_position_sigma_afterwards = max_sigma;
     Flight flight(options);
     for (int i = 0; i < 20; ++i) flight.Fly(NadirPose(0.01 * i, 0));
     return flight.frontend.NumTracked();

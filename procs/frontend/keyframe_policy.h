@@ -1,0 +1,41 @@
+#pragma once
+
+#include "procs/frontend/frame.h"
+#include "procs/frontend/working_map.h"
+
+namespace mapmend {
+
+struct KeyframePolicyOptions {
+  double min_shared = 0.7;        // inliers, of the solid points of the reference keyframe: fewer call for a keyframe
+  int comfortable_inliers = 100;  // or fewer than this
+  double max_angle_deg = 3;       // or points seen under an angle that differs by this much (median)
+  int urgent_inliers = 50;        // fewer: the submap might be lost without a keyframe
+  int solid_observations = 3;     // keyframes that must see a point for it to count as solid ...
+  int solid_early = 2;            // ... as long as the submap has no more keyframes than this
+};
+
+// What is known of a frame that was tracked, beside the keyframe that shares most points with it.
+struct KeyframeEvidence {
+  int num_inliers = 0;
+  int solid_points = 0;  // of the reference keyframe
+  // Cosine of the median angle between the rays of frame and keyframe to the points. Parallax, not motion of the image:
+  // a turn on the spot gives nothing to triangulate.
+  double cos_angle = 1;
+};
+
+// Whether a frame becomes a keyframe.
+class KeyframePolicy {
+ public:
+  explicit KeyframePolicy(const KeyframePolicyOptions& options) : options_(options) {}
+
+  // frame: tracked in the map. reference_keyframe: that shares most points with it.
+  KeyframeEvidence Measure(const WorkingMap& map, const Frame& frame, int reference_keyframe, int num_inliers) const;
+  bool NeedsKeyframe(const KeyframeEvidence& evidence) const;
+  // A keyframe that is not in the map yet may bring the points that are lacking: only an urgent one joins it.
+  bool IsUrgent(int num_inliers) const { return num_inliers < options_.urgent_inliers; }
+
+ private:
+  KeyframePolicyOptions options_;
+};
+
+}  // namespace mapmend

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "procs/frontend/frame.h"
+
+namespace mapmend {
+
+struct MotionModelOptions {
+  double max_time_ratio = 2.5;  // time ahead, of the time between the last two frames: no prediction beyond it
+  double max_jump = 0.15;       // a step of this share of the scene's depth ...
+  double max_jump_ratio = 5;    // ... and so many times the last step is a jump
+  double gap_ratio = 5;         // time since the last frame, of the usual time between frames: images are missing
+};
+
+// Where the camera will be if it goes on as between the last two frames: constant velocity and turn.
+class MotionModel {
+ public:
+  explicit MotionModel(const MotionModelOptions& options) : options_(options) {}
+
+  // A frame that was tracked.
+  //   follows  it came right after the last one; else nothing is known of the motion between the two
+  void Add(const FramePtr& frame, bool follows);
+  void Clear() { last_ = before_last_ = nullptr; }
+
+  // The last frame that was tracked; null: none since Clear.
+  const FramePtr& Last() const { return last_; }
+  // cam_from_submap at that time; none if too little is known or the time lies too far ahead.
+  std::optional<Rigid3> Predict(int64_t utime) const;
+  // Whether a frame that Predict knew of lies implausibly far from the last one.
+  //   depth  median of the points that the frame sees
+  bool IsJump(const Frame& frame, double depth) const;
+  // Whether images are missing before this time.
+  bool IsAfterGap(int64_t utime) const;
+
+ private:
+  MotionModelOptions options_;
+  FramePtr last_, before_last_;  // of the submap that is tracked
+};
+
+}  // namespace mapmend

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "libs/stream/records.h"
+#include "procs/frontend/loss_reason.h"
+#include "procs/frontend/working_map.h"
+
+namespace mapmend {
+
+class Vocabulary;
+
+struct RecordPublisherOptions {
+  // Frames that no keyframe follows (hovering) are published when so many wait, or, with a mapping thread, when the
+  // first of them is so old: what was tracked must not be lost with the frontend.
+  int max_waiting_frames = 30;
+  double max_waiting_s = 0.4;
+};
+
+// Makes records of the stream of what happens to the submap that is tracked. Nothing of a submap is published before it
+// is believed: it may turn out to be a mistake.
+class RecordPublisher {
+ public:
+  using Emit = std::function<void(int64_t utime, RecordBody body)>;
+  using Records = std::vector<std::pair<int64_t, RecordBody>>;
+
+  // vocabulary may be null: then keyframes carry no words. It must outlive the publisher.
+  RecordPublisher(const RecordPublisherOptions& options, const Vocabulary* vocabulary, Emit emit)
+      : options_(options), vocabulary_(vocabulary), emit_(std::move(emit)) {}
+
+  // A submap that is not believed yet.
+  void Begin();
+  void Believe() { believed_ = true; }
+  bool Believed() const { return believed_; }
+  // The submap was a mistake: what was noted of it is forgotten.
+  void Forget();
+  // A frame with a pose, in the map that is tracked.
+  void NoteFrame(const WorkingMap& map, const Frame& frame, int reference_keyframe);
+
+  // What is to be published up to a keyframe, which may still lack words; needs the map.
+  Records Take(int64_t utime, int last_keyframe, WorkingMap* map);
+  // Adds the words and emits; needs no map.
+  void EmitAll(Records records) const;
+  void Publish(int64_t utime, WorkingMap* map) { EmitAll(Take(utime, map->LastKeyframe(), map)); }
+  // Frames that have waited long enough for a keyframe, without what else has changed: that goes with the next one.
+  //   is_live  see max_waiting_s
+  void PublishWaitingFrames(int64_t utime, SubmapId submap, bool is_live);
+  // Everything that is left, and the submap's end.
+  void End(const Frame& last, LossReason reason, const std::string& detail, WorkingMap* map);
+
+  // Of those that are not published, the first frame with a pose.
+  int FirstFrame() const;
+  int NumTracked() const { return num_tracked_; }
+
+ private:
+  KeyframeRecord Describe(int keyframe, const WorkingMap& map) const;
+  void AddWords(KeyframeRecord* record) const;
+
+  RecordPublisherOptions options_;
+  const Vocabulary* vocabulary_;
+  Emit emit_;
+  bool believed_ = false;
+  int next_keyframe_ = 0;             // the first one that is not published
+  std::vector<TrackedFrame> frames_;  // not yet published
+  int num_tracked_ = 0;
+};
+
+}  // namespace mapmend

@@ -1,0 +1,68 @@
+#include "procs/frontend/keyframe_policy.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace mapmend {
+namespace {
+
+KeyframeEvidence Comfortable() { return {200, 250, std::cos(2.9 * M_PI / 180)}; }
+
+TEST(KeyframePolicy, AFrameThatSeesWhatItsKeyframeSeesIsNone) {
+  EXPECT_FALSE(KeyframePolicy({}).NeedsKeyframe(Comfortable()));
+}
+
+TEST(KeyframePolicy, FewSharedPointsFewPointsOrParallaxCallForOne) {
+  const KeyframePolicy policy({});
+  KeyframeEvidence evidence = Comfortable();
+  evidence.solid_points = 290;  // 0.69 of them are seen
+  EXPECT_TRUE(policy.NeedsKeyframe(evidence));
+  EXPECT_TRUE(policy.NeedsKeyframe({99, 99, 1}));
+  EXPECT_FALSE(policy.NeedsKeyframe({100, 100, 1}));
+  evidence = Comfortable();
+  evidence.cos_angle = std::cos(3.1 * M_PI / 180);
+  EXPECT_TRUE(policy.NeedsKeyframe(evidence));
+}
+
+TEST(KeyframePolicy, IsUrgentBeforeTheSubmapMightBeLost) {
+  EXPECT_TRUE(KeyframePolicy({}).IsUrgent(49));
+  EXPECT_FALSE(KeyframePolicy({}).IsUrgent(50));
+}
+
+FramePtr FrameWithFeatures(int count, double x) {
+  auto frame = std::make_shared<Frame>();
+  frame->features.keypoints.resize(count);
+  frame->features.descriptors.resize(count);
+  frame->points.assign(count, -1);
+  frame->cam_from_submap.translation.x() = -x;
+  return frame;
+}
+
+// Points one unit ahead of keyframes side by side; all keyframes see the first, the first two see the second.
+struct SmallMap {
+  explicit SmallMap(int num_keyframes) {
+    for (int i = 0; i < num_keyframes; ++i) map.AddKeyframe(FrameWithFeatures(2, 0.1 * i));
+    for (int feature = 0; feature < 2; ++feature) {
+      const int point = map.AddPoint(Eigen::Vector3d(0, 0, 1), 0);
+      for (int i = 0; i < (feature == 0 ? num_keyframes : 2); ++i) map.AddObservation(point, i, feature);
+    }
+  }
+  IdSource ids;
+  WorkingMap map{SubmapId(0), Pyramid(), &ids};
+};
+
+TEST(KeyframePolicy, MeasuresSolidPointsAndTheAngleOfTheRays) {
+  const KeyframePolicy policy({});
+  const SmallMap later(4), early(3);
+  const FramePtr frame = FrameWithFeatures(2, 0.1);
+  frame->points = {0, -1};
+  const KeyframeEvidence evidence = policy.Measure(later.map, *frame, 0, 1);
+  EXPECT_EQ(evidence.num_inliers, 1);
+  EXPECT_EQ(evidence.solid_points, 1);  // the second was seen by two keyframes only
+  EXPECT_NEAR(std::acos(evidence.cos_angle), std::atan(0.1), 1e-9);
+  EXPECT_EQ(policy.Measure(early.map, *frame, 0, 1).solid_points, 2);
+}
+
+}  // namespace
+}  // namespace mapmend
