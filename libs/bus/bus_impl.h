@@ -1,6 +1,7 @@
 #pragma once
 
 // Templates of bus.h. Not to be included by itself.
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -28,22 +29,47 @@ bool DecodeMessage(const uint8_t* data, int size, Message* message) {
   }
 }
 
+// What bytes from the bus say, or one line why they are not believed.
+template <typename Message>
+struct Decoded {
+  std::optional<Message> value;
+  std::string error;  // if there is no value
+};
+
+// To and from the wire form, for every type that is published, subscribed to or asked for. Here: types made by lcm-gen.
+// Plain types have specialisations, declared beside them or in a codec of libs/wire; of those, Decode also checks that
+// the values can be. Decode never throws for bad bytes.
+template <typename Message>
+std::vector<uint8_t> Encode(const Message& message) {
+  return EncodeMessage(message);
+}
+template <typename Message>
+Decoded<Message> Decode(const uint8_t* data, int size) {
+  Message message{};
+  if (!DecodeMessage(data, size, &message)) return {std::nullopt, std::string("not a ") + Message::getTypeName()};
+  return {std::move(message), ""};
+}
+template <typename Message>
+Decoded<Message> Decode(const std::vector<uint8_t>& data) {
+  return Decode<Message>(data.data(), static_cast<int>(data.size()));
+}
+
 template <typename Message>
 Subscription Bus::Subscribe(const std::string& channel, Delivery delivery,
                             std::function<void(const Message&)> handler) {
   return SubscribeRaw(channel, delivery, [this, channel, handler = std::move(handler)](const uint8_t* data, int size) {
-    Message message{};
-    if (!DecodeMessage(data, size, &message)) {
-      CountRefused(channel, std::string("not a ") + Message::getTypeName());
+    const Decoded<Message> message = Decode<Message>(data, size);
+    if (!message.value) {
+      CountRefused(channel, message.error);
       return;
     }
-    handler(message);
+    handler(*message.value);
   });
 }
 
 template <typename Message>
 bool Bus::Publish(const std::string& channel, const Message& message) {
-  const std::vector<uint8_t> data = EncodeMessage(message);
+  const std::vector<uint8_t> data = Encode(message);
   return PublishRaw(channel, data.data(), static_cast<int>(data.size()));
 }
 

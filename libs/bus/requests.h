@@ -23,7 +23,7 @@ std::optional<ReplyAddress> PeekReply(const uint8_t* data, int size);
 // The requests of one kind that a client has made. A request keeps its id until it is answered, however often it is
 // sent and however often the caller gives up waiting: who asks the same again gets an answer that came meanwhile, and
 // goes on waiting for the old one otherwise. So a store that is slow is never asked for work that nobody waits for.
-//   Request, Reply  message types with `id` and `requester`
+//   Request, Reply  types with `id` and `requester`, and with Encode and Decode (bus_impl.h)
 template <typename Request, typename Reply>
 class Requests {
  public:
@@ -83,7 +83,7 @@ class Requests {
   Outstanding& FindOrAdd(Request request) {
     request.requester = requester_;
     request.id = 0;
-    std::vector<uint8_t> content = EncodeMessage(request);
+    std::vector<uint8_t> content = Encode(request);
     for (Outstanding& outstanding : outstanding_) {
       if (outstanding.content == content) return outstanding;
     }
@@ -115,9 +115,9 @@ class Requests {
     if (!address || address->requester != requester_) return;  // most replies are for others
     for (Outstanding& outstanding : outstanding_) {
       if (outstanding.request.id != address->id) continue;
-      Reply reply{};
-      if (!DecodeMessage(data, size, &reply)) throw std::runtime_error(std::string("not a ") + Reply::getTypeName());
-      outstanding.reply = std::move(reply);
+      Decoded<Reply> reply = Decode<Reply>(data, size);
+      if (!reply.value) throw std::runtime_error(reply.error);  // the bus counts it as refused; the question stays open
+      outstanding.reply = std::move(*reply.value);
     }
   }
 

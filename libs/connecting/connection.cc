@@ -64,6 +64,15 @@ double ViewingDistance(const Connection& c, const Submap& a) {
 
 }  // namespace
 
+EvaluatedConnection Announced(const Connection& connection) {
+  EvaluatedConnection announced = connection;
+  for (size_t i = 0; i < connection.evidence.size(); ++i) {
+    const ConnectedFrames& e = connection.evidence[i];
+    if (connection.agrees[i]) announced.pairs.push_back({e.keyframe_a, e.keyframe_b, e.num_inliers});
+  }
+  return announced;
+}
+
 void EstimateConnection(const SubmapView& a, const SubmapView& b, const ConnectionOptions& options, Connection* c) {
   c->num_connected_frames = c->num_common_points = c->num_inliers = 0;
   c->median_angle_deg = c->strength = c->median_error_px = 0;

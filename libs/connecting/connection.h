@@ -7,34 +7,25 @@
 #include <vector>
 
 #include "libs/connecting/connected_frames.h"
+#include "libs/stream/revision.h"
 
 namespace mapmend {
 
-// An edge of the connection graph with all its evidence: what is known about a pair of submaps that was evaluated.
-struct Connection {
-  enum class Verdict { kAccepted, kRejected, kDeactivated };
-
-  SubmapKey a, b;  // a is the older submap
-  Verdict verdict = Verdict::kRejected;
-  std::string reason;                     // one sentence for a person
-  int num_candidates = 0;                 // pairs of keyframes that retrieval proposed and geometry looked at
+// An edge of the connection graph with all its evidence: what is known about a pair of submaps that was evaluated. Of
+// what is announced of it, `pairs` is left empty; Announced fills it in.
+struct Connection : EvaluatedConnection {
   std::vector<ConnectedFrames> evidence;  // verified connected frames, in the order they were found
   ConnectedFrames best_failure;           // with most inliers, for the reason of a rejection
 
-  // Estimated from all evidence that agrees.
-  int num_connected_frames = 0;  // F
-  int num_common_points = 0;     // M
-  double median_angle_deg = 0;   // theta
-  double strength = 0;           // C
-  Similarity3 b_from_a;
+  // Estimated from all evidence that agrees, as are F, M, theta, C and b_from_a.
   Matrix7d information = Matrix7d::Zero();
-  int num_inliers = 0;
-  double median_error_px = 0;
   std::vector<char> agrees;             // per evidence
   std::vector<Eigen::Vector3d> probes;  // some common points, frame of a, spread over the evidence
   double viewing_distance = 1;          // units of a
-  bool in_tree = false;
 };
+
+// What is announced of a connection: without the evidence, but with the pairs of keyframes that agree.
+EvaluatedConnection Announced(const Connection& connection);
 
 struct ConnectionOptions {
   // Two pairs of connected frames agree if one's transform puts the other's points within this many pixels (median) of

@@ -24,12 +24,6 @@ struct ConnectionGraphOptions {
   std::string Check() const;
 };
 
-// A person's word on a connection.
-struct EdgeDecision {
-  SubmapKey a, b;         // in either order
-  bool disabled = false;  // true: not to be used
-};
-
 // The undirected graph of the paper's section 3.5. A node is a submap; an edge is a connection with its evidence, and
 // its weight is the strength C of section 3.4. Solve() picks the strongest forest (Kruskal on -C) of the edges that
 // neither a person nor a cycle of other edges speaks against. Loops, in which a submap meets itself, are kept beside

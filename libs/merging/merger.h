@@ -9,9 +9,9 @@
 
 #include "libs/connecting/connection_graph.h"
 #include "libs/connecting/connection_search.h"
-#include "libs/merging/merged_revision.h"
 #include "libs/merging/refinement_schedule.h"
 #include "libs/merging/refinement_task.h"
+#include "libs/stream/revision.h"
 
 namespace mapmend {
 

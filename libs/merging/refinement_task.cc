@@ -77,7 +77,7 @@ RefinementOutcome RunRefinement(const RefinementTask& task, const std::function<
       const auto& [first_submap, first_id] = p.first;
       refined[first_submap].points.push_back({first_id, p.position.cast<float>()});
       for (const auto& [submap, id] : p.fused) {
-        refined[submap].fused.push_back({id, refined[first_submap].key, first_id});
+        refined[submap].fused.push_back({id, refined[first_submap].key.session, first_id});
       }
     }
     outcome.submaps.insert(outcome.submaps.end(), refined.begin(), refined.end());

@@ -8,7 +8,7 @@
 
 #include "libs/connecting/keyframe_cache.h"
 #include "libs/merging/merged_refinement.h"
-#include "libs/merging/merged_revision.h"
+#include "libs/stream/revision.h"
 
 namespace mapmend {
 

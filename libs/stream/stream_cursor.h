@@ -9,6 +9,7 @@ namespace mapmend {
 struct StreamCursor {
   std::string session;
   int64_t seq = -1;  // of the last record; -1: none
+  bool operator==(const StreamCursor&) const = default;
 };
 
 }  // namespace mapmend

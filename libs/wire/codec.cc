@@ -8,11 +8,11 @@
 #include <mapmend/map_update_t.hpp>
 #include <mapmend/session_t.hpp>
 #include <mapmend/submap_t.hpp>
-#include <stdexcept>
 
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
 #include "libs/retrieval/inverted_index.h"
+#include "libs/wire/checked.h"
 
 namespace mapmend {
 namespace {
@@ -23,34 +23,14 @@ constexpr int kMaxId = 1 << 30;
 constexpr size_t kMaxText = 4096;         // characters of names and reasons
 constexpr size_t kMaxSettings = 1 << 20;  // characters of the settings
 
-struct Refused : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
-
-void Require(bool condition, const char* message) {
-  if (!condition) throw Refused(message);
-}
-
-bool AllFinite(const double* values, size_t n) {
-  return std::all_of(values, values + n, [](double v) { return std::isfinite(v); });
-}
-
-bool AllFinite(const std::vector<float>& values) {
-  return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
-}
+using wire::AllFinite;
+using wire::Refused;
+using wire::Require;
 
 Rigid3 DecodePose(const double* values) {
   Require(AllFinite(values, 7), "pose is not finite");
-  double norm = 0;
-  for (int i = 3; i < 7; ++i) norm += values[i] * values[i];
-  Require(std::abs(norm - 1) < 1e-3, "rotation is not a unit quaternion");
-  // Normalising what is a unit quaternion up to rounding would change last bits: what is read and sent on stays the
-  // same.
-  Rigid3 pose;
-  pose.rotation = Eigen::Quaterniond(values[6], values[3], values[4], values[5]);
-  pose.translation = Eigen::Vector3d(values[0], values[1], values[2]);
-  if (std::abs(norm - 1) > 1e-12) pose.rotation.normalize();
-  return pose;
+  Require(wire::IsRotation(values + 3, 1e-3), "rotation is not a unit quaternion");
+  return wire::ReadRigid(values);
 }
 
 RecordHeader DecodeHeader(const record_header_t& message) {

@@ -14,8 +14,6 @@
 #include <mapmend/revision_ack_t.hpp>
 #include <mapmend/revision_fetch_t.hpp>
 #include <mapmend/revision_fetched_t.hpp>
-#include <mapmend/revision_part_t.hpp>
-#include <mapmend/revision_t.hpp>
 #include <mapmend/session_closed_t.hpp>
 #include <set>
 #include <utility>
@@ -23,6 +21,7 @@
 #include "libs/base/backoff.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/requests.h"
+#include "libs/wire/revision_codec.h"
 
 namespace mapmend {
 namespace {
@@ -109,30 +108,46 @@ std::optional<session_closed_t> StoreClient::CloseSession(const std::string& ses
                          [](const session_closed_t& reply) { return reply.status != session_closed_t::STILL_ALIVE; });
 }
 
-std::optional<edge_decisions_t> StoreClient::DecideEdges(const std::vector<edge_decision_t>& decisions,
-                                                         int timeout_ms) {
+std::optional<std::vector<EdgeDecision>> StoreClient::DecideEdges(const std::vector<EdgeDecision>& decisions,
+                                                                  int timeout_ms) {
   edge_request_t request{};
-  request.decisions = decisions;
+  for (const EdgeDecision& d : decisions) {
+    edge_decision_t message{};
+    message.session_a = d.a.session;
+    message.submap_a = d.a.submap.value;
+    message.session_b = d.b.session;
+    message.submap_b = d.b.submap.value;
+    message.disabled = d.disabled ? 1 : 0;
+    request.decisions.push_back(message);
+  }
   request.num_decisions = static_cast<int32_t>(decisions.size());
-  return impl_->edge_requests.Ask(std::move(request), timeout_ms);
+  const auto reply = impl_->edge_requests.Ask(std::move(request), timeout_ms);
+  if (!reply) return std::nullopt;
+  std::vector<EdgeDecision> all;
+  for (const edge_decision_t& d : reply->decisions)
+    all.push_back({{d.session_a, SubmapId(d.submap_a)}, {d.session_b, SubmapId(d.submap_b)}, d.disabled != 0});
+  return all;
 }
 
-bool StoreClient::StoreRevision(const revision_t& revision, const std::vector<revision_part_t>& parts, int timeout_ms) {
+bool StoreClient::StoreRevision(const MapRevision& revision, int timeout_ms) {
   auto deadline = Clock::now() + std::chrono::milliseconds(timeout_ms);
   impl_->storing_revision = revision.transforms.revision;
-  // The message itself first and alone: it replaces what was stored under its number.
+  // The head first and alone: it replaces what was stored under its number.
   struct Piece {
     int32_t number;
     Clock::time_point due;
     Backoff backoff{kFirstRetry, kMostRetry};
   };
   std::vector<Piece> pieces = {{-1, {}}};
-  for (const revision_part_t& part : parts) pieces.push_back({part.part, {}});
+  const int num_parts = static_cast<int>(revision.refined.size());
+  for (int i = 0; i < num_parts; ++i) pieces.push_back({i, {}});
   impl_->unacknowledged.clear();
   for (const Piece& piece : pieces) impl_->unacknowledged.insert(piece.number);
+  const RevisionHead head{revision.transforms, revision.connections, num_parts};
   const auto publish = [&](size_t i) {
-    return i == 0 ? impl_->bus->Publish(channels::kRevision, revision)
-                  : impl_->bus->Publish(channels::kRevisionPart, parts[i - 1]);
+    if (i == 0) return impl_->bus->Publish(channels::kRevision, head);
+    const RevisionPart part{head.transforms.revision, pieces[i].number, revision.refined[i - 1]};
+    return impl_->bus->Publish(channels::kRevisionPart, part);
   };
   size_t begin = 0;  // all before it are acknowledged
   int64_t connection = impl_->bus->ConnectionNumber();
@@ -158,8 +173,8 @@ bool StoreClient::StoreRevision(const revision_t& revision, const std::vector<re
   }
 }
 
-StoreClient::RevisionStatus StoreClient::FetchRevision(int64_t number, revision_t* revision,
-                                                       std::vector<revision_part_t>* parts, int timeout_ms) {
+StoreClient::FetchedRevision StoreClient::FetchRevision(int64_t number, int timeout_ms) {
+  FetchedRevision result;
   const auto ask = [&](int64_t wanted, int32_t part) {
     revision_fetch_t request{};
     request.revision = wanted;
@@ -167,22 +182,25 @@ StoreClient::RevisionStatus StoreClient::FetchRevision(int64_t number, revision_
     return impl_->revision_fetches.Ask(std::move(request), timeout_ms);
   };
   auto reply = ask(number, -1);
-  if (!reply) return RevisionStatus::kNoAnswer;
-  if (reply->status != revision_fetched_t::OK) return RevisionStatus::kNone;
-  const int64_t found = reply->revision;
-  const int32_t num_parts = reply->num_parts;
-  if (!DecodeMessage(reply->data.data(), reply->num_bytes, revision)) return RevisionStatus::kNone;
-  parts->clear();
-  for (int32_t i = 0; i < num_parts; ++i) {
+  if (!reply) return result;
+  result.status = RevisionStatus::kNone;
+  if (reply->status != revision_fetched_t::OK) return result;
+  const int64_t found = result.number = reply->revision;
+  Decoded<RevisionHead> head = Decode<RevisionHead>(reply->data);
+  result.error = head.error;
+  if (!head.value) return result;
+  MapRevision revision{std::move(head.value->transforms), std::move(head.value->connections), {}};
+  for (int i = 0; i < head.value->num_parts; ++i) {
     reply = ask(found, i);
-    if (!reply) return RevisionStatus::kNoAnswer;
-    parts->emplace_back();
-    if (reply->status != revision_fetched_t::OK || reply->revision != found ||
-        !DecodeMessage(reply->data.data(), reply->num_bytes, &parts->back())) {
-      return RevisionStatus::kNone;
-    }
+    if (!reply) return {RevisionStatus::kNoAnswer, found, {}, ""};
+    if (reply->status != revision_fetched_t::OK || reply->revision != found) return result;
+    Decoded<RevisionPart> part = Decode<RevisionPart>(reply->data);
+    result.error = part.error;
+    if (part.value && part.value->revision != revision.transforms.revision) result.error = "a part is of another revision";
+    if (!result.error.empty()) return result;
+    revision.refined.push_back(std::move(part.value->submap));
   }
-  return RevisionStatus::kOk;
+  return {RevisionStatus::kOk, found, std::move(revision), ""};
 }
 
 }  // namespace mapmend

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "libs/bus/bus.h"
+#include "libs/stream/revision.h"
 
 namespace mapmend {
 class bow_query_t;
@@ -15,8 +16,6 @@ class edge_decisions_t;
 class fetch_t;
 class fetched_t;
 class progress_t;
-class revision_t;
-class revision_part_t;
 class session_closed_t;
 
 // Requests to the store by id, with time-out and retry (requests.h). Synchronous: each call runs the bus's Handle until
@@ -30,15 +29,21 @@ class StoreClient {
   // id and requester are filled in. NOT_YET answers are retried until timeout_ms. nullopt: no answer in time.
   std::optional<bow_result_t> Query(bow_query_t query, int timeout_ms = 10000);
   std::optional<fetched_t> Fetch(fetch_t request, int timeout_ms = 10000);
-  // Sends a revision and its parts until each is acknowledged. False if not in time.
-  bool StoreRevision(const revision_t& revision, const std::vector<revision_part_t>& parts, int timeout_ms = 30000);
-  // Reads a stored revision: the message itself and all its parts. revision -1: the newest whose parts are all stored.
+  // Sends a revision, head and parts, until each is acknowledged. False if not in time.
+  bool StoreRevision(const MapRevision& revision, int timeout_ms = 30000);
+  // Reads a stored revision with all its parts. number -1: the newest whose parts are all stored.
   enum class RevisionStatus { kOk, kNone, kNoAnswer };
-  RevisionStatus FetchRevision(int64_t number, revision_t* revision, std::vector<revision_part_t>* parts,
-                               int timeout_ms = 10000);
+  struct FetchedRevision {
+    RevisionStatus status = RevisionStatus::kNoAnswer;
+    int64_t number = -1;   // of the revision that there is
+    MapRevision revision;  // if the status is kOk
+    std::string error;     // one line, if what is stored cannot be
+  };
+  FetchedRevision FetchRevision(int64_t number, int timeout_ms = 10000);
   // Adds decisions about connections to those that the store holds; returns all of them, in order. nullopt: no answer
   // in time.
-  std::optional<edge_decisions_t> DecideEdges(const std::vector<edge_decision_t>& decisions, int timeout_ms = 10000);
+  std::optional<std::vector<EdgeDecision>> DecideEdges(const std::vector<EdgeDecision>& decisions,
+                                                       int timeout_ms = 10000);
   // How far a session has come (progress_t.lcm). nullopt: no answer in time.
   std::optional<progress_t> AskProgress(const std::string& session, int timeout_ms = 10000);
   // Ends a session whose frontend died (close_session_t.lcm). nullopt: no answer in time.

@@ -18,17 +18,6 @@ std::string Format(const char* format, Values... values) {
   return text;
 }
 
-const char* VerdictName(int8_t verdict) {
-  switch (verdict) {
-    case connection_t::ACCEPTED:
-      return "accepted";
-    case connection_t::DEACTIVATED:
-      return "deactivated";
-    default:
-      return "rejected";
-  }
-}
-
 int ParseNumber(const std::string& text, const std::string& whole) {
   int number = -1;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
@@ -40,21 +29,22 @@ int ParseNumber(const std::string& text, const std::string& whole) {
 
 }  // namespace
 
-EdgeTable::EdgeTable(graph_t graph, const std::vector<std::string>& session_order) : graph_(std::move(graph)) {
-  for (const merged_submap_t& s : graph_.transforms.submaps) submaps_.emplace_back(s.session, s.submap);
-  const auto rank = [&](const std::string& session) {
-    return std::find(session_order.begin(), session_order.end(), session) - session_order.begin();
+EdgeTable::EdgeTable(GraphReply graph, const std::vector<std::string>& session_order) : graph_(std::move(graph)) {
+  for (const MergedTransforms::Place& place : graph_.transforms.submaps) submaps_.push_back(place.key);
+  const auto rank = [&](const SubmapKey& key) {
+    return std::find(session_order.begin(), session_order.end(), key.session) - session_order.begin();
   };
-  std::sort(submaps_.begin(), submaps_.end(),
-            [&](const auto& l, const auto& r) { return std::tuple(rank(l.first), l) < std::tuple(rank(r.first), r); });
+  std::sort(submaps_.begin(), submaps_.end(), [&](const SubmapKey& l, const SubmapKey& r) {
+    return std::tuple(rank(l), l) < std::tuple(rank(r), r);
+  });
 }
 
-int EdgeTable::Number(const std::string& session, int32_t submap) const {
-  const auto it = std::find(submaps_.begin(), submaps_.end(), std::pair(session, submap));
+int EdgeTable::Number(const SubmapKey& submap) const {
+  const auto it = std::find(submaps_.begin(), submaps_.end(), submap);
   return it == submaps_.end() ? -1 : static_cast<int>(it - submaps_.begin());
 }
 
-std::pair<std::string, int32_t> EdgeTable::FindSubmap(const std::string& text) const {
+SubmapKey EdgeTable::FindSubmap(const std::string& text) const {
   const size_t colon = text.rfind(':');
   if (colon == std::string::npos) {
     const auto number = static_cast<size_t>(ParseNumber(text, text));
@@ -65,30 +55,30 @@ std::pair<std::string, int32_t> EdgeTable::FindSubmap(const std::string& text) c
     return submaps_[number];
   }
   const std::string session = text.substr(0, colon);
-  const int number = ParseNumber(text.substr(colon + 1), text);
-  std::set<std::pair<std::string, int32_t>> found;
-  for (const auto& submap : submaps_) {
-    if (submap.first == session && submap.second == number) return submap;
-    if (submap.first.starts_with(session) && submap.second == number) found.insert(submap);
+  const SubmapId number(ParseNumber(text.substr(colon + 1), text));
+  std::set<SubmapKey> found;
+  for (const SubmapKey& submap : submaps_) {
+    if (submap == SubmapKey{session, number}) return submap;
+    if (submap.session.starts_with(session) && submap.submap == number) found.insert(submap);
   }
   if (found.size() == 1) return *found.begin();
   throw std::runtime_error(found.empty() ? "there is no submap " + text
                                          : "'" + session + "' is the beginning of several sessions: write more of it");
 }
 
-std::vector<const connection_t*> EdgeTable::Strongest() const {
-  std::vector<const connection_t*> connections;
-  for (const connection_t& c : graph_.connections) connections.push_back(&c);
+std::vector<const EvaluatedConnection*> EdgeTable::Strongest() const {
+  std::vector<const EvaluatedConnection*> connections;
+  for (const EvaluatedConnection& c : graph_.connections) connections.push_back(&c);
   std::stable_sort(connections.begin(), connections.end(),
-                   [](const connection_t* l, const connection_t* r) { return l->strength > r->strength; });
+                   [](const EvaluatedConnection* l, const EvaluatedConnection* r) { return l->strength > r->strength; });
   return connections;
 }
 
-std::vector<std::pair<int, int>> EdgeTable::SwitchedOff(const std::vector<edge_decision_t>& decisions) const {
+std::vector<std::pair<int, int>> EdgeTable::SwitchedOff(const std::vector<EdgeDecision>& decisions) const {
   std::map<std::pair<int, int>, bool> in_force;
-  for (const edge_decision_t& d : decisions) {
-    const int a = Number(d.session_a, d.submap_a), b = Number(d.session_b, d.submap_b);
-    in_force[{std::min(a, b), std::max(a, b)}] = d.disabled != 0;
+  for (const EdgeDecision& d : decisions) {
+    const int a = Number(d.a), b = Number(d.b);
+    in_force[{std::min(a, b), std::max(a, b)}] = d.disabled;
   }
   std::vector<std::pair<int, int>> pairs;
   for (const auto& [pair, disabled] : in_force) {
@@ -97,54 +87,54 @@ std::vector<std::pair<int, int>> EdgeTable::SwitchedOff(const std::vector<edge_d
   return pairs;
 }
 
-std::string EdgeTable::Json(const std::vector<edge_decision_t>& decisions) const {
+std::string EdgeTable::Json(const std::vector<EdgeDecision>& decisions) const {
   nlohmann::ordered_json json = {
-      {"revision", graph_.transforms.revision},   {"refined", graph_.transforms.refined != 0},
-      {"final", graph_.transforms.is_final != 0}, {"submaps", nlohmann::ordered_json::array()},
+      {"revision", graph_.transforms.revision},   {"refined", graph_.transforms.refined},
+      {"final", graph_.transforms.is_final}, {"submaps", nlohmann::ordered_json::array()},
       {"edges", nlohmann::ordered_json::array()}, {"switched_off", SwitchedOff(decisions)}};
-  std::map<int, const merged_submap_t*> by_number;
-  for (const merged_submap_t& s : graph_.transforms.submaps) by_number[Number(s.session, s.submap)] = &s;
+  std::map<int, const MergedTransforms::Place*> by_number;
+  for (const MergedTransforms::Place& s : graph_.transforms.submaps) by_number[Number(s.key)] = &s;
   for (const auto& [number, s] : by_number) {
     json["submaps"].push_back(
-        {{"number", number}, {"session", s->session}, {"submap", s->submap}, {"component", s->component}});
+        {{"number", number}, {"session", s->key.session}, {"submap", s->key.submap.value}, {"component", s->component}});
   }
-  for (const connection_t* c : Strongest()) {
-    json["edges"].push_back({{"a", Number(c->session_a, c->submap_a)},
-                             {"b", Number(c->session_b, c->submap_b)},
+  for (const EvaluatedConnection* c : Strongest()) {
+    json["edges"].push_back({{"a", Number(c->a)},
+                             {"b", Number(c->b)},
                              {"F", c->num_connected_frames},
                              {"M", c->num_common_points},
                              {"theta_deg", c->median_angle_deg},
                              {"C", c->strength},
-                             {"scale", c->b_from_a[7]},
-                             {"verdict", VerdictName(c->verdict)},
-                             {"in_tree", c->in_tree != 0},
+                             {"scale", c->b_from_a.scale},
+                             {"verdict", ToString(c->verdict)},
+                             {"in_tree", c->in_tree},
                              {"reason", c->reason}});
   }
   return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
-std::string EdgeTable::Text(const std::vector<edge_decision_t>& decisions) const {
+std::string EdgeTable::Text(const std::vector<EdgeDecision>& decisions) const {
   std::string text = Format("%9s %5s %6s %7s %8s %7s  %-11s %-4s  %s\n", "submaps", "F", "M", "theta", "C", "scale",
                             "verdict", "tree", "reason");
-  for (const connection_t* c : Strongest()) {
-    const int a = Number(c->session_a, c->submap_a), b = Number(c->session_b, c->submap_b);
+  for (const EvaluatedConnection* c : Strongest()) {
+    const int a = Number(c->a), b = Number(c->b);
     const std::string pair = a == b ? "loop in " + std::to_string(a) : std::to_string(a) + " - " + std::to_string(b);
     const bool known = c->num_connected_frames > 0;
     text +=
         Format("%9s %5d %6d %7.1f %8.1f %7s  %-11s %-4s  ", pair.c_str(), c->num_connected_frames, c->num_common_points,
-               c->median_angle_deg, c->strength, known ? Format("%.3f", c->b_from_a[7]).c_str() : "-",
-               VerdictName(c->verdict), c->in_tree != 0 ? "yes" : "") +
+               c->median_angle_deg, c->strength, known ? Format("%.3f", c->b_from_a.scale).c_str() : "-",
+               ToString(c->verdict), c->in_tree ? "yes" : "") +
         c->reason + "\n";
   }
   std::set<int32_t> components;
-  for (const merged_submap_t& s : graph_.transforms.submaps) components.insert(s.component);
-  text += Format("revision %lld%s%s: %zu submaps in %zu components, %d connections in the tree\n",
-                 static_cast<long long>(graph_.transforms.revision), graph_.transforms.refined != 0 ? ", refined" : "",
-                 graph_.transforms.is_final != 0 ? ", final" : "", submaps_.size(), components.size(),
-                 graph_.transforms.num_edges);
+  for (const MergedTransforms::Place& s : graph_.transforms.submaps) components.insert(s.component);
+  text += Format("revision %lld%s%s: %zu submaps in %zu components, %zu connections in the tree\n",
+                 static_cast<long long>(graph_.transforms.revision), graph_.transforms.refined ? ", refined" : "",
+                 graph_.transforms.is_final ? ", final" : "", submaps_.size(), components.size(),
+                 graph_.transforms.edges.size());
   for (const auto& [a, b] : SwitchedOff(decisions)) text += Format("switched off by hand: %d - %d\n", a, b);
   std::map<std::string, int> first;
-  for (size_t i = 0; i < submaps_.size(); ++i) first.try_emplace(submaps_[i].first, static_cast<int>(i));
+  for (size_t i = 0; i < submaps_.size(); ++i) first.try_emplace(submaps_[i].session, static_cast<int>(i));
   if (first.size() > 1) {
     for (const auto& [session, number] : first) {
       text += Format("submaps from %d on: session %s\n", number, session.c_str());

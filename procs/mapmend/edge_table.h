@@ -1,11 +1,11 @@
 #pragma once
 
 #include <cstdint>
-#include <mapmend/edge_decision_t.hpp>
-#include <mapmend/graph_t.hpp>
 #include <string>
 #include <utility>
 #include <vector>
+
+#include "libs/wire/revision_codec.h"
 
 namespace mapmend {
 
@@ -13,26 +13,26 @@ namespace mapmend {
 // submap.
 class EdgeTable {
  public:
-  EdgeTable(graph_t graph, const std::vector<std::string>& session_order);
+  EdgeTable(GraphReply graph, const std::vector<std::string>& session_order);
 
   // A submap by its number, or by SESSION:NUMBER with the number within the session, whose name may be cut short.
   // Throws std::runtime_error with one line: unknown, or not the only one.
-  std::pair<std::string, int32_t> FindSubmap(const std::string& text) const;
+  SubmapKey FindSubmap(const std::string& text) const;
 
   // A line per evaluated pair, most strength first, then the state of the graph and the decisions in force.
-  std::string Text(const std::vector<edge_decision_t>& decisions) const;
+  std::string Text(const std::vector<EdgeDecision>& decisions) const;
   // The same as a JSON object: revision, refined, final, submaps [{number, session, submap, component}], edges [{a, b,
   // F, M, theta_deg, C, scale, verdict, in_tree, reason}] and switched_off [[a, b]], submaps by their numbers.
-  std::string Json(const std::vector<edge_decision_t>& decisions) const;
+  std::string Json(const std::vector<EdgeDecision>& decisions) const;
 
  private:
-  std::vector<const connection_t*> Strongest() const;  // first
+  std::vector<const EvaluatedConnection*> Strongest() const;  // first
   // Pairs of numbers, lower first, that a person has switched off.
-  std::vector<std::pair<int, int>> SwitchedOff(const std::vector<edge_decision_t>& decisions) const;
-  int Number(const std::string& session, int32_t submap) const;  // -1: unknown
+  std::vector<std::pair<int, int>> SwitchedOff(const std::vector<EdgeDecision>& decisions) const;
+  int Number(const SubmapKey& submap) const;  // -1: unknown
 
-  graph_t graph_;
-  std::vector<std::pair<std::string, int32_t>> submaps_;  // by number
+  GraphReply graph_;
+  std::vector<SubmapKey> submaps_;  // by number
 };
 
 }  // namespace mapmend

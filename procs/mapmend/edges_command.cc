@@ -5,19 +5,15 @@
 #include <cstdio>
 #include <map>
 #include <mapmend/cursor_t.hpp>
-#include <mapmend/edge_decisions_t.hpp>
 #include <mapmend/fetch_t.hpp>
 #include <mapmend/fetched_t.hpp>
-#include <mapmend/graph_request_t.hpp>
-#include <mapmend/graph_t.hpp>
-#include <mapmend/revision_part_t.hpp>
-#include <mapmend/revision_t.hpp>
 #include <memory>
 #include <stdexcept>
 
 #include "libs/base/backoff.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/process.h"
+#include "libs/wire/revision_codec.h"
 #include "libs/wire/store_client.h"
 #include "procs/mapmend/commands.h"
 #include "procs/mapmend/edge_table.h"
@@ -53,18 +49,16 @@ std::vector<std::string> SessionOrder(StoreClient* store) {
   return sessions;
 }
 
-edge_decisions_t Decide(StoreClient* store, const std::vector<edge_decision_t>& decisions) {
+std::vector<EdgeDecision> Decide(StoreClient* store, const std::vector<EdgeDecision>& decisions) {
   const auto reply = store->DecideEdges(decisions);
   if (!reply) throw std::runtime_error("the store does not take the decision");
   return *reply;
 }
 
-edge_decision_t MakeDecision(const EdgesOptions& options, const EdgeTable& table) {
-  edge_decision_t decision{};
-  std::tie(decision.session_a, decision.submap_a) = table.FindSubmap(options.submaps[0]);
-  std::tie(decision.session_b, decision.submap_b) = table.FindSubmap(options.submaps[1]);
-  decision.disabled = options.disable ? 1 : 0;
-  if (std::tie(decision.session_a, decision.submap_a) == std::tie(decision.session_b, decision.submap_b)) {
+EdgeDecision MakeDecision(const EdgesOptions& options, const EdgeTable& table) {
+  const EdgeDecision decision{table.FindSubmap(options.submaps[0]), table.FindSubmap(options.submaps[1]),
+                              options.disable};
+  if (decision.a == decision.b) {
     throw std::runtime_error("an edge joins two submaps: name two different ones");
   }
   return decision;
@@ -73,12 +67,12 @@ edge_decision_t MakeDecision(const EdgesOptions& options, const EdgeTable& table
 constexpr std::chrono::milliseconds kNoLinkRetry(50);
 
 // One graph, asked of the merger until is_wanted holds for it.
-graph_t AskMerger(Bus* bus, int timeout_ms, const std::function<bool(const graph_t&)>& is_wanted) {
-  graph_request_t request{};
+GraphReply AskMerger(Bus* bus, int timeout_ms, const std::function<bool(const GraphReply&)>& is_wanted) {
+  GraphRequest request;
   request.requester = "edges-" + std::to_string(getpid());
-  std::optional<graph_t> graph;
+  std::optional<GraphReply> graph;
   const Subscription subscription =
-      bus->Subscribe<graph_t>(channels::kGraph, Delivery::kKeepAll, [&](const graph_t& reply) {
+      bus->Subscribe<GraphReply>(channels::kGraph, Delivery::kKeepAll, [&](const GraphReply& reply) {
         if (reply.requester == request.requester && reply.id == request.id) graph = reply;
       });
   const auto deadline = Clock::now() + std::chrono::milliseconds(timeout_ms);
@@ -98,7 +92,7 @@ graph_t AskMerger(Bus* bus, int timeout_ms, const std::function<bool(const graph
   throw std::runtime_error("the merger does not answer");
 }
 
-void Print(const EdgesOptions& options, const EdgeTable& table, const std::vector<edge_decision_t>& decisions) {
+void Print(const EdgesOptions& options, const EdgeTable& table, const std::vector<EdgeDecision>& decisions) {
   std::fputs((options.json ? table.Json(decisions) : table.Text(decisions)).c_str(), stdout);
 }
 
@@ -108,51 +102,48 @@ void WorkLive(const EdgesOptions& options, const std::string& url) {
   StoreClient store(&bus, "edges-" + std::to_string(getpid()));
   constexpr int kAnswerMs = 5000, kHeedMs = 60000;  // a merger that compares all submaps answers when that is done
   if (options.submaps.empty()) {
-    const EdgeTable table(AskMerger(&bus, kHeedMs, [](const graph_t&) { return true; }), SessionOrder(&store));
-    Print(options, table, Decide(&store, {}).decisions);
+    const EdgeTable table(AskMerger(&bus, kHeedMs, [](const GraphReply&) { return true; }), SessionOrder(&store));
+    Print(options, table, Decide(&store, {}));
     return;
   }
   const std::vector<std::string> sessions = SessionOrder(&store);
-  const EdgeTable before(AskMerger(&bus, kAnswerMs, [](const graph_t&) { return true; }), sessions);
-  const edge_decisions_t all = Decide(&store, {MakeDecision(options, before)});
+  const EdgeTable before(AskMerger(&bus, kAnswerMs, [](const GraphReply&) { return true; }), sessions);
+  const std::vector<EdgeDecision> all = Decide(&store, {MakeDecision(options, before)});
   const EdgeTable after(
-      AskMerger(&bus, kHeedMs, [&](const graph_t& graph) { return graph.num_decisions >= all.num_decisions; }),
+      AskMerger(&bus, kHeedMs, [&](const GraphReply& graph) { return graph.num_decisions >= static_cast<int>(all.size()); }),
       sessions);
-  Print(options, after, all.decisions);
+  Print(options, after, all);
 }
 
 EdgeTable ReadTable(Backend* backend, const std::string& db) {
   StoreClient store(backend->bus(), "edges-" + std::to_string(getpid()));
-  revision_t revision;
-  std::vector<revision_part_t> parts;
-  if (store.FetchRevision(-1, &revision, &parts) != StoreClient::RevisionStatus::kOk) {
+  StoreClient::FetchedRevision stored = store.FetchRevision(-1);
+  if (stored.status != StoreClient::RevisionStatus::kOk) {
     throw std::runtime_error(db + ": holds no merged map; `mapmend merge` makes one");
   }
-  graph_t graph{};
-  graph.transforms = revision.transforms;
-  graph.connections = revision.connections;
-  return {graph, SessionOrder(&store)};
+  GraphReply graph;
+  graph.transforms = std::move(stored.revision.transforms);
+  graph.connections = std::move(stored.revision.connections);
+  return {std::move(graph), SessionOrder(&store)};
 }
 
 // Whether the last word on this pair of submaps says the same; without any, an edge is not disabled.
-bool IsInForce(const edge_decision_t& decision, const std::vector<edge_decision_t>& all) {
-  const auto ends = [](const edge_decision_t& d) {
-    std::pair a(d.session_a, d.submap_a), b(d.session_b, d.submap_b);
-    if (b < a) std::swap(a, b);
-    return std::pair(a, b);
+bool IsInForce(const EdgeDecision& decision, const std::vector<EdgeDecision>& all) {
+  const auto ends = [](const EdgeDecision& d) {
+    return std::pair(std::min(d.a, d.b), std::max(d.a, d.b));
   };
   bool is_disabled = false;
-  for (const edge_decision_t& earlier : all) {
-    if (ends(earlier) == ends(decision)) is_disabled = earlier.disabled != 0;
+  for (const EdgeDecision& earlier : all) {
+    if (ends(earlier) == ends(decision)) is_disabled = earlier.disabled;
   }
-  return is_disabled == (decision.disabled != 0);
+  return is_disabled == decision.disabled;
 }
 
 // The decision and the map made after it take the place of what was there in one step.
 void WorkOnFile(EdgesOptions options) {
   options.file.place = FindMap(options.map);
-  std::optional<edge_decisions_t> decisions;
-  std::optional<edge_decision_t> decision;
+  std::vector<EdgeDecision> decisions;
+  std::optional<EdgeDecision> decision;
   std::vector<std::string> problems;
   {
     MapFile map(options.file);
@@ -160,9 +151,9 @@ void WorkOnFile(EdgesOptions options) {
     StoreClient store(map.backend()->bus(), "edges-" + std::to_string(getpid()));
     decisions = Decide(&store, {});
     if (!options.submaps.empty()) decision = MakeDecision(options, table);
-    if (options.submaps.empty() || IsInForce(*decision, decisions->decisions)) {
+    if (options.submaps.empty() || IsInForce(*decision, decisions)) {
       if (!options.submaps.empty() && !options.json) std::puts("it is so already");
-      Print(options, table, decisions->decisions);
+      Print(options, table, decisions);
       map.backend()->StopAll();
       return;
     }
@@ -183,7 +174,7 @@ void WorkOnFile(EdgesOptions options) {
   options.file.out.clear();
   {
     MapFile map(options.file);
-    Print(options, ReadTable(map.backend(), options.file.place.db), decisions->decisions);
+    Print(options, ReadTable(map.backend(), options.file.place.db), decisions);
     map.backend()->StopAll();
   }
   TellProblems(options.file.place, problems);

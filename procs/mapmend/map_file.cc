@@ -14,8 +14,6 @@
 #include <mapmend/cursor_t.hpp>
 #include <mapmend/fetch_t.hpp>
 #include <mapmend/fetched_t.hpp>
-#include <mapmend/revision_part_t.hpp>
-#include <mapmend/revision_t.hpp>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <thread>
@@ -192,10 +190,7 @@ std::string MapFile::Finish(const std::function<void(const std::string&)>& show)
     if (!reply) throw std::runtime_error(options_.place.db + ": the store does not answer");
     for (const cursor_t& cursor : reply->sessions) sessions.emplace_back(cursor.session, cursor.seq);
     if (sessions.empty()) throw std::runtime_error(options_.place.db + ": holds no flight");
-    revision_t revision;
-    std::vector<revision_part_t> parts;
-    if (!options_.with_merger && (store.FetchRevision(-1, &revision, &parts) != StoreClient::RevisionStatus::kOk ||
-                                  revision.transforms.is_final == 0)) {
+    if (!options_.with_merger && !store.FetchRevision(-1).revision.transforms.is_final) {
       throw std::runtime_error(options_.place.db + ": holds no final merged map; `mapmend merge` makes one");
     }
   }

@@ -6,9 +6,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
-#include <mapmend/cursor_t.hpp>
-#include <mapmend/revision_part_t.hpp>
-#include <mapmend/revision_t.hpp>
 #include <stdexcept>
 #include <vector>
 
@@ -52,12 +49,10 @@ bool HasOpenSession(const std::string& db) {
 
 bool IsMerged(Backend* backend) {
   StoreClient store(backend->bus(), "map_rescue-" + std::to_string(getpid()));
-  revision_t revision;
-  std::vector<revision_part_t> parts;
-  if (store.FetchRevision(-1, &revision, &parts) != StoreClient::RevisionStatus::kOk) return false;
-  if (revision.transforms.is_final == 0) return false;
+  const MergedTransforms transforms = store.FetchRevision(-1).revision.transforms;  // not final: there is none
+  if (!transforms.is_final) return false;
   std::map<std::string, int64_t> merged;
-  for (const cursor_t& cursor : revision.transforms.cursors) merged[cursor.session] = cursor.seq;
+  for (const StreamCursor& cursor : transforms.cursors) merged[cursor.session] = cursor.seq;
   const auto sessions = ListSessions(backend->bus());
   return std::all_of(sessions.begin(), sessions.end(), [&](const auto& session) {
     const auto found = merged.find(session.id);

@@ -6,7 +6,6 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
-#include <mapmend/merged_transforms_t.hpp>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -18,7 +17,8 @@
 #include "libs/bus/process.h"
 #include "libs/capture/fingerprint.h"
 #include "libs/stream/session_id.h"
-#include "libs/wire/tree_changes.h"
+#include "libs/stream/tree_changes.h"
+#include "libs/wire/revision_codec.h"
 #include "procs/mapmend/backend.h"
 #include "procs/mapmend/continue_flight.h"
 #include "procs/mapmend/finish_run.h"
@@ -266,9 +266,9 @@ int RunFlight(const RunInputs& inputs) {
     const BusAddressFile bus_address(options.out, backend.Url());
     EventLog events(EventsPath(options), "mapmend");
     TreeChanges tree;
-    const Subscription joins = backend.bus()->Subscribe<merged_transforms_t>(
-        channels::kMergedTransforms, Delivery::kKeepAll, [&](const merged_transforms_t& message) {
-          for (const TreeChange& change : tree.Update(message)) AddEvent(change, message.revision, &events);
+    const Subscription joins = backend.bus()->Subscribe<MergedTransforms>(
+        channels::kMergedTransforms, Delivery::kKeepAll, [&](const MergedTransforms& transforms) {
+          for (const TreeChange& change : tree.Update(transforms)) AddEvent(change, transforms.revision, &events);
         });
     std::unique_ptr<Recorder> recorder;
     if (!recording.empty()) recorder = std::make_unique<Recorder>(&backend, recording, options.channel_prefix);

@@ -11,8 +11,6 @@
 #include <mapmend/edge_decisions_t.hpp>
 #include <mapmend/fetch_t.hpp>
 #include <mapmend/fetched_t.hpp>
-#include <mapmend/graph_request_t.hpp>
-#include <mapmend/graph_t.hpp>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -23,12 +21,12 @@
 #include "libs/bus/health.h"
 #include "libs/merging/background_refinement.h"
 #include "libs/retrieval/vocabulary.h"
+#include "libs/stream/tree_changes.h"
 #include "libs/wire/codec.h"
+#include "libs/wire/revision_codec.h"
 #include "libs/wire/store_client.h"
 #include "libs/wire/stream_consumer.h"
-#include "libs/wire/tree_changes.h"
 #include "procs/merger/latency_meter.h"
-#include "procs/merger/merger_messages.h"
 
 namespace mapmend {
 namespace {
@@ -123,24 +121,26 @@ class ConnectedKeyframeSource : public KeyframeSource {
   StoreKeyframeSource source_;
 };
 
+std::vector<EvaluatedConnection> AnnouncedAll(const std::vector<Connection>& connections) {
+  std::vector<EvaluatedConnection> announced;
+  for (const Connection& connection : connections) announced.push_back(Announced(connection));
+  return announced;
+}
+
 class BusOutput : public MergerOutput {
  public:
   BusOutput(Bus* bus, StoreClient* client, HealthReporter* health, LatencyMeter* latency)
       : bus_(bus), client_(client), health_(health), latency_(latency) {}
 
   void OnConnection(const Connection& connection) override {
-    bus_->Publish(channels::kConnection, ToMessage(connection));
-    const char* verdict = connection.verdict == Connection::Verdict::kAccepted      ? "accepted"
-                          : connection.verdict == Connection::Verdict::kDeactivated ? "deactivated"
-                                                                                    : "rejected";
-    spdlog::debug("merger: submaps {} and {} {}: {}", connection.a.submap.value, connection.b.submap.value, verdict,
-                  connection.reason);
+    bus_->Publish(channels::kConnection, Announced(connection));
+    spdlog::debug("merger: submaps {} and {} {}: {}", connection.a.submap.value, connection.b.submap.value,
+                  ToString(connection.verdict), connection.reason);
     health_->Tick();
   }
   void OnTransforms(const MergedTransforms& transforms) override {
-    const merged_transforms_t message = ToMessage(transforms);
-    bus_->Publish(channels::kMergedTransforms, message);
-    for (const TreeChange& change : tree_.Update(message)) {
+    bus_->Publish(channels::kMergedTransforms, transforms);
+    for (const TreeChange& change : tree_.Update(transforms)) {
       spdlog::info("merger: {} {}, revision {}", DescribePair(change), change.joined ? "joined" : "not joined any more",
                    transforms.revision);
     }
@@ -150,12 +150,8 @@ class BusOutput : public MergerOutput {
   }
   void OnRevision(const MergedTransforms& transforms, const std::vector<Connection>& connections,
                   const std::vector<RefinedSubmap>& submaps) override {
-    std::vector<revision_part_t> parts;
-    for (const RefinedSubmap& s : submaps) {
-      parts.push_back(ToMessage(s, transforms.revision, static_cast<int>(parts.size())));
-    }
-    const revision_t revision = ToMessage(transforms, connections, static_cast<int>(parts.size()));
-    while (!client_->StoreRevision(revision, parts)) {
+    const MapRevision revision{transforms, AnnouncedAll(connections), submaps};
+    while (!client_->StoreRevision(revision)) {
       if (StopRequested()) throw std::runtime_error("stopped before the store had taken the merged map");
       spdlog::warn("merger: the store does not take the merged map, trying again");
       health_->Tick();
@@ -206,8 +202,8 @@ class MergerLoop {
           if (const auto header = PeekHeader(data, size)) latency_.OnHeard(header->session, header->seq);
         }));
     subscriptions_.push_back(
-        bus->Subscribe<graph_request_t>(channels::kGraphRequest, Delivery::kKeepAll,
-                                        [this](const graph_request_t& request) { OnGraphRequest(request); }));
+        bus->Subscribe<GraphRequest>(channels::kGraphRequest, Delivery::kKeepAll,
+                                     [this](const GraphRequest& request) { OnGraphRequest(request); }));
   }
 
   void Run() {
@@ -264,8 +260,8 @@ class MergerLoop {
   }
 
   // One that is repeated while it waits is answered once.
-  void OnGraphRequest(const graph_request_t& request) {
-    for (const graph_request_t& waiting : requests_) {
+  void OnGraphRequest(const GraphRequest& request) {
+    for (const GraphRequest& waiting : requests_) {
       if (waiting.requester == request.requester && waiting.id == request.id) return;
     }
     requests_.push_back(request);
@@ -326,15 +322,10 @@ class MergerLoop {
   }
 
   void Answer() {
-    for (const graph_request_t& request : std::exchange(requests_, {})) {
-      graph_t graph{};
-      graph.id = request.id;
-      graph.requester = request.requester;
-      graph.transforms = ToMessage(merger_.transforms());
-      graph.num_decisions = merger_.graph().num_decisions();
-      for (const Connection& c : merger_.connections()) graph.connections.push_back(ToMessage(c));
-      graph.num_connections = static_cast<int32_t>(graph.connections.size());
-      bus_->Publish(channels::kGraph, graph);
+    for (const GraphRequest& request : std::exchange(requests_, {})) {
+      bus_->Publish(channels::kGraph,
+                    GraphReply{request.id, request.requester, merger_.transforms(), merger_.graph().num_decisions(),
+                               AnnouncedAll(merger_.connections())});
     }
   }
 
@@ -384,7 +375,7 @@ class MergerLoop {
   StreamConsumer consumer_;
   BackgroundRefinement refinement_;
   std::vector<EdgeDecision> decisions_;
-  std::vector<graph_request_t> requests_;
+  std::vector<GraphRequest> requests_;
   std::optional<double> keyframe_ms_;  // CPU time of this thread
   std::vector<double> evaluation_ms_;
   LatencyMeter::Clock::time_point times_reported_;

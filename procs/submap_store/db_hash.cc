@@ -1,10 +1,8 @@
 #include <algorithm>
-#include <map>
-#include <mapmend/revision_part_t.hpp>
-#include <mapmend/revision_t.hpp>
 #include <stdexcept>
+#include <utility>
 
-#include "libs/bus/bus.h"
+#include "libs/wire/revision_codec.h"
 #include "procs/submap_store/blob.h"
 #include "procs/submap_store/database.h"
 #include "procs/submap_store/db_commands.h"
@@ -39,6 +37,14 @@ std::string HashStream(Database* database) {
   return hash.Hex();
 }
 
+template <typename Message>
+Message ReadSound(const revision_fetched_t& stored, const std::string& path) {
+  Decoded<Message> decoded = Decode<Message>(stored.data);
+  if (stored.status != revision_fetched_t::OK || !decoded.value)
+    throw std::runtime_error(path + ": the merged map is damaged" + kSeeCheck);
+  return std::move(*decoded.value);
+}
+
 // How often the merger published says nothing about the map: its number and its cursors are left out.
 std::string HashMap(Database* database) {
   RevisionStore revisions(database);
@@ -46,25 +52,17 @@ std::string HashMap(Database* database) {
   request.revision = -1;
   request.part = -1;
   const revision_fetched_t newest = revisions.Fetch(request);
-  revision_t revision{};
   if (newest.revision < 0) return "";
-  if (newest.status != revision_fetched_t::OK || !DecodeMessage(newest.data.data(), newest.num_bytes, &revision)) {
-    throw std::runtime_error(database->Path() + ": the merged map is damaged" + kSeeCheck);
-  }
-  revision.transforms.revision = 0;
-  revision.transforms.cursors.clear();
-  revision.transforms.num_cursors = 0;
+  RevisionHead head = ReadSound<RevisionHead>(newest, database->Path());
+  head.transforms.revision = 0;
+  head.transforms.cursors.clear();
   Sha256 hash;
-  hash.Add(EncodeMessage(revision));
+  hash.Add(Encode(head));
   request.revision = newest.revision;
   for (request.part = 0; request.part < newest.num_parts; ++request.part) {
-    const revision_fetched_t found = revisions.Fetch(request);
-    revision_part_t part{};
-    if (found.status != revision_fetched_t::OK || !DecodeMessage(found.data.data(), found.num_bytes, &part)) {
-      throw std::runtime_error(database->Path() + ": the merged map is damaged" + kSeeCheck);
-    }
+    RevisionPart part = ReadSound<RevisionPart>(revisions.Fetch(request), database->Path());
     part.revision = 0;
-    hash.Add(EncodeMessage(part));
+    hash.Add(Encode(part));
   }
   return hash.Hex();
 }

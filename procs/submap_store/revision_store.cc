@@ -1,49 +1,12 @@
 #include "procs/submap_store/revision_store.h"
 
-#include <algorithm>
-#include <cmath>
-#include <mapmend/revision_part_t.hpp>
-#include <mapmend/revision_t.hpp>
+#include <array>
 
-#include "libs/bus/bus.h"
+#include "libs/wire/revision_codec.h"
 #include "procs/submap_store/blob.h"
 
 namespace mapmend {
 namespace {
-
-bool AllFinite(const double* values, size_t n) {
-  return std::all_of(values, values + n, [](double v) { return std::isfinite(v); });
-}
-
-bool IsValid(const revision_t& revision) {
-  const merged_transforms_t& transforms = revision.transforms;
-  if (transforms.revision < 0 || revision.num_parts < 0 || revision.num_parts > 1000000) return false;
-  for (const merged_submap_t& submap : transforms.submaps) {
-    if (!IsSessionId(submap.session) || submap.submap < 0 || !AllFinite(submap.root_from_submap, 8) ||
-        submap.root_from_submap[7] <= 0) {
-      return false;
-    }
-  }
-  for (const std::vector<int32_t>* ends : {&transforms.edge_a, &transforms.edge_b}) {
-    for (const int32_t i : *ends) {
-      if (i < 0 || i >= transforms.num_submaps) return false;
-    }
-  }
-  return std::all_of(revision.connections.begin(), revision.connections.end(), [](const connection_t& c) {
-    return IsSessionId(c.session_a) && IsSessionId(c.session_b) && std::isfinite(c.strength) &&
-           AllFinite(c.b_from_a, 8);
-  });
-}
-
-bool IsValid(const revision_part_t& part) {
-  const auto finite = [](float v) { return std::isfinite(v); };
-  return part.revision >= 0 && part.part >= 0 && IsSessionId(part.session) &&
-         part.num_pose_values == 7 * static_cast<int64_t>(part.num_keyframes) &&
-         part.num_position_values == 3 * static_cast<int64_t>(part.num_points) &&
-         AllFinite(part.cam_from_root.data(), part.cam_from_root.size()) &&
-         AllFinite(part.scale.data(), part.scale.size()) &&
-         std::all_of(part.position.begin(), part.position.end(), finite);
-}
 
 void Delete(Database* database, int64_t revision) {
   for (const char* table : {"revision", "revision_part", "merged_submap", "connection"}) {
@@ -53,37 +16,38 @@ void Delete(Database* database, int64_t revision) {
   }
 }
 
-void InsertSubmaps(Database* database, const revision_t& revision) {
-  for (const merged_submap_t& submap : revision.transforms.submaps) {
+void InsertSubmaps(Database* database, const MergedTransforms& transforms) {
+  for (const MergedTransforms::Place& place : transforms.submaps) {
     auto insert =
         database->Prepare("INSERT OR REPLACE INTO merged_submap VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
-    insert->bind(1, revision.transforms.revision);
-    insert->bind(2, submap.session);
-    insert->bind(3, submap.submap);
-    insert->bind(4, submap.component);
-    insert->bind(5, submap.is_root != 0 ? 1 : 0);
-    for (int i = 0; i < 8; ++i) insert->bind(6 + i, submap.root_from_submap[i]);
+    insert->bind(1, transforms.revision);
+    insert->bind(2, place.key.session);
+    insert->bind(3, place.key.submap.value);
+    insert->bind(4, place.component);
+    insert->bind(5, place.is_root ? 1 : 0);
+    const std::array<double, 8> root_from_submap = ToArray(place.root_from_submap);
+    for (int i = 0; i < 8; ++i) insert->bind(6 + i, root_from_submap[static_cast<size_t>(i)]);
     insert->exec();
   }
 }
 
-void InsertConnections(Database* database, const revision_t& revision) {
-  for (const connection_t& connection : revision.connections) {
+void InsertConnections(Database* database, int64_t revision, const std::vector<EvaluatedConnection>& connections) {
+  for (const EvaluatedConnection& connection : connections) {
     auto insert = database->Prepare("INSERT INTO connection VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
-    insert->bind(1, revision.transforms.revision);
-    insert->bind(2, connection.session_a);
-    insert->bind(3, connection.submap_a);
-    insert->bind(4, connection.session_b);
-    insert->bind(5, connection.submap_b);
+    insert->bind(1, revision);
+    insert->bind(2, connection.a.session);
+    insert->bind(3, connection.a.submap.value);
+    insert->bind(4, connection.b.session);
+    insert->bind(5, connection.b.submap.value);
     insert->bind(6, static_cast<int>(connection.verdict));
     insert->bind(7, connection.reason);
     insert->bind(8, connection.num_connected_frames);
     insert->bind(9, connection.num_common_points);
-    insert->bind(10, std::isfinite(connection.median_angle_deg) ? connection.median_angle_deg : 0.0);
+    insert->bind(10, connection.median_angle_deg);
     insert->bind(11, connection.strength);
     insert->bind(12, connection.num_inliers);
-    insert->bind(13, connection.b_from_a[7]);
-    insert->bind(14, connection.in_tree != 0 ? 1 : 0);
+    insert->bind(13, connection.b_from_a.scale);
+    insert->bind(14, connection.in_tree ? 1 : 0);
     insert->exec();
   }
 }
@@ -98,8 +62,9 @@ revision_ack_t MakeAck(int64_t revision, int32_t part) {
 }  // namespace
 
 std::optional<revision_ack_t> RevisionStore::Store(const uint8_t* data, int size) {
-  revision_t revision{};
-  if (!DecodeMessage(data, size, &revision) || !IsValid(revision)) return std::nullopt;
+  const Decoded<RevisionHead> decoded = Decode<RevisionHead>(data, size);
+  if (!decoded.value) return std::nullopt;
+  const RevisionHead& revision = *decoded.value;
   const int64_t number = revision.transforms.revision;
   {
     auto same = database_->Prepare("SELECT 1 FROM revision WHERE revision = ? AND payload = ?");
@@ -113,20 +78,21 @@ std::optional<revision_ack_t> RevisionStore::Store(const uint8_t* data, int size
       "INSERT INTO revision(revision, refined, final, num_parts, payload, checksum) "
       "VALUES(?1, ?2, ?3, ?4, ?5, row_checksum(?1, ?2, ?3, ?4, ?5))");
   insert->bind(1, number);
-  insert->bind(2, revision.transforms.refined != 0 ? 1 : 0);
-  insert->bind(3, revision.transforms.is_final != 0 ? 1 : 0);
+  insert->bind(2, revision.transforms.refined ? 1 : 0);
+  insert->bind(3, revision.transforms.is_final ? 1 : 0);
   insert->bind(4, revision.num_parts);
   insert->bindNoCopy(5, data, size);
   insert->exec();
-  InsertSubmaps(database_, revision);
-  InsertConnections(database_, revision);
+  InsertSubmaps(database_, revision.transforms);
+  InsertConnections(database_, number, revision.connections);
   transaction.commit();
   return MakeAck(number, -1);
 }
 
 std::optional<revision_ack_t> RevisionStore::StorePart(const uint8_t* data, int size) {
-  revision_part_t part{};
-  if (!DecodeMessage(data, size, &part) || !IsValid(part)) return std::nullopt;
+  const Decoded<RevisionPart> decoded = Decode<RevisionPart>(data, size);
+  if (!decoded.value) return std::nullopt;
+  const RevisionPart& part = *decoded.value;
   {
     auto same = database_->Prepare("SELECT 1 FROM revision_part WHERE revision = ? AND part = ? AND payload = ?");
     same->bind(1, part.revision);
@@ -141,8 +107,8 @@ std::optional<revision_ack_t> RevisionStore::StorePart(const uint8_t* data, int 
         "VALUES(?1, ?2, ?3, ?4, ?5, row_checksum(?1, ?2, ?3, ?4, ?5))");
     insert->bind(1, part.revision);
     insert->bind(2, part.part);
-    insert->bind(3, part.session);
-    insert->bind(4, part.submap);
+    insert->bind(3, part.submap.key.session);
+    insert->bind(4, part.submap.key.submap.value);
     insert->bindNoCopy(5, data, size);
     insert->exec();
   }

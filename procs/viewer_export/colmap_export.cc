@@ -22,8 +22,8 @@ class PointResolver {
     for (size_t i = 0; i < points.size(); ++i) {
       index_[{snapshot.submaps[points[i].submap].key.session, points[i].id}] = static_cast<int>(i);
     }
-    for (const auto& [key, refined] : snapshot.model->Revision().refinement) {
-      for (const auto& [id, into] : refined.fused) fused_[{key.session, id}] = into;
+    for (const RefinedSubmap& refined : snapshot.model->Revision().refined) {
+      for (const RefinedSubmap::Fused& f : refined.fused) fused_[{refined.key.session, f.id}] = {f.into_session, f.into};
     }
   }
 

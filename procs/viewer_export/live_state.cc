@@ -44,7 +44,7 @@ void AddHeadline(const Snapshot& snapshot, const LiveInputs& inputs, Json* json)
     if (lost) detail = "A new submap begins as soon as the view allows; nothing mapped so far is lost.";
     if (pose.frame >= 0) headline += " · frame " + std::to_string(pose.frame);
     if (pose.state == "tracking") detail = std::to_string(pose.num_inliers) + " points support the pose.";
-  } else if (!model.Revision().final) {
+  } else if (!model.Revision().transforms.is_final) {
     state = "merging";
     headline = "Joining the submaps";
     detail = "The flight has ended; the merger compares all submaps and refines the map.";

@@ -35,21 +35,22 @@ std::string MapModel::Apply(const Record& record) {
 }
 
 bool MapModel::SetRevision(MapRevision map) {
-  if (map.revision < revision_.revision) return false;
+  if (map.transforms.revision < revision_.transforms.revision) return false;
   if (map.connections.empty()) map.connections = std::move(revision_.connections);
   revision_ = std::move(map);
   ++version_;
   return true;
 }
 
-bool MapModel::SetTransforms(MapRevision map) {
-  if (map.revision <= revision_.revision) return false;
-  map.connections = std::move(revision_.connections);
-  for (EvaluatedConnection& c : map.connections) {
-    c.in_tree = std::any_of(map.tree.begin(), map.tree.end(),
-                            [&](const auto& edge) { return IsPair(c, edge.first, edge.second); });
+bool MapModel::SetTransforms(MergedTransforms transforms) {
+  if (transforms.revision <= revision_.transforms.revision) return false;
+  for (EvaluatedConnection& c : revision_.connections) {
+    c.in_tree = std::any_of(transforms.edges.begin(), transforms.edges.end(), [&](const auto& edge) {
+      return IsPair(c, transforms.submaps[edge.first].key, transforms.submaps[edge.second].key);
+    });
   }
-  revision_ = std::move(map);
+  revision_.transforms = std::move(transforms);
+  revision_.refined.clear();
   ++version_;
   return true;
 }
@@ -76,10 +77,11 @@ bool MapModel::AllEnded() const {
 }
 
 bool MapModel::IsComplete() const {
-  if (!revision_.final || !AllEnded()) return false;
+  const MergedTransforms& merged = revision_.transforms;
+  if (!merged.is_final || !AllEnded()) return false;
   return std::all_of(sessions_.begin(), sessions_.end(), [&](const auto& entry) {
-    const auto it = revision_.cursors.find(entry.first);
-    return it != revision_.cursors.end() && it->second == entry.second.last_seq;
+    const StreamCursor all{entry.first, entry.second.last_seq};
+    return std::find(merged.cursors.begin(), merged.cursors.end(), all) != merged.cursors.end();
   });
 }
 

@@ -5,14 +5,16 @@
 #include <string>
 #include <vector>
 
+#include "libs/stream/revision.h"
 #include "libs/stream/submap.h"
-#include "procs/viewer_export/map_revision.h"
 
 namespace mapmend {
 
 // All that the viewer knows: the sessions, built from their records, and the newest merged map. Knows nothing of LCM.
 class MapModel {
  public:
+  MapModel() { revision_.transforms.revision = -1; }
+
   // Applies the next record of a session. Returns an empty string, or one line that says what is wrong with it; then
   // nothing has changed. What no export needs (descriptors, words) is dropped.
   std::string Apply(const Record& record);
@@ -22,7 +24,7 @@ class MapModel {
   bool SetRevision(MapRevision map);
   // Takes over transforms that came ahead of the rest of their revision: connections stay, refined poses go. Ignored
   // (false) unless newer than what is held.
-  bool SetTransforms(MapRevision map);
+  bool SetTransforms(MergedTransforms transforms);
   // One connection as evaluated now; replaces what was known of the pair until the next revision.
   void SetConnection(const EvaluatedConnection& connection);
 
@@ -45,7 +47,7 @@ class MapModel {
   std::vector<std::string> session_order_;
   std::map<std::string, std::map<KeyframeId, int64_t>> keyframe_utimes_;
   std::map<std::string, int64_t> last_utimes_;  // by session
-  MapRevision revision_;
+  MapRevision revision_;  // number -1: none yet
   int64_t version_ = 0;
 };
 

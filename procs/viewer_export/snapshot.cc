@@ -10,13 +10,25 @@
 namespace mapmend {
 namespace {
 
-const RefinedSubmap* FindRefinement(const MapRevision& merged, const SubmapKey& key) {
-  const auto it = merged.refinement.find(key);
-  return it == merged.refinement.end() || it->second.keyframes.empty() ? nullptr : &it->second;
+// What the refinement says of one submap's keyframes; empty: it was not refined.
+using RefinedKeyframes = std::map<KeyframeId, RefinedSubmap::Keyframe>;
+
+const RefinedSubmap* FindRefined(const MapModel& model, const SubmapKey& key) {
+  const std::vector<RefinedSubmap>& all = model.Revision().refined;
+  const auto it = std::find_if(all.begin(), all.end(), [&](const RefinedSubmap& refined) { return refined.key == key; });
+  return it == all.end() ? nullptr : &*it;
+}
+
+RefinedKeyframes FindRefinedKeyframes(const MapModel& model, const SubmapKey& key) {
+  RefinedKeyframes keyframes;
+  if (const RefinedSubmap* refined = FindRefined(model, key)) {
+    for (const RefinedSubmap::Keyframe& keyframe : refined->keyframes) keyframes[keyframe.id] = keyframe;
+  }
+  return keyframes;
 }
 
 // Pose relative to a keyframe, carried over to the keyframe's refined pose.
-Rigid3 Follow(const Rigid3& cam_from_keyframe, const RefinedKeyframe& keyframe) {
+Rigid3 Follow(const Rigid3& cam_from_keyframe, const RefinedSubmap::Keyframe& keyframe) {
   return Rigid3(cam_from_keyframe.rotation, keyframe.scale * cam_from_keyframe.translation) * keyframe.cam_from_root;
 }
 
@@ -24,10 +36,9 @@ Rigid3 Follow(const Rigid3& cam_from_keyframe, const RefinedKeyframe& keyframe) 
 class FramePlacer {
  public:
   FramePlacer(const MapModel& model, const SnapshotSubmap& submap)
-      : model_(model), submap_(submap), refined_(FindRefinement(model.Revision(), submap.key)) {
-    if (refined_ == nullptr) return;
+      : model_(model), submap_(submap), refined_(FindRefinedKeyframes(model, submap.key)) {
     for (const auto& [id, keyframe] : submap.submap->keyframes) {
-      if (refined_->keyframes.contains(id)) refined_times_.emplace_back(keyframe.utime, id);
+      if (refined_.contains(id)) refined_times_.emplace_back(keyframe.utime, id);
     }
     std::sort(refined_times_.begin(), refined_times_.end());
   }
@@ -35,12 +46,12 @@ class FramePlacer {
   Rigid3 Place(const TrackedFrame& frame) const {
     if (refined_times_.empty()) return TransformWorld(submap_.submap->CamFromSubmap(frame), submap_.root_from_submap);
     const TrackedFrame resolved = submap_.submap->Resolved(frame);
-    const auto it = refined_->keyframes.find(resolved.keyframe);
-    if (it != refined_->keyframes.end()) return Follow(resolved.cam_from_keyframe, it->second);
+    const auto it = refined_.find(resolved.keyframe);
+    if (it != refined_.end()) return Follow(resolved.cam_from_keyframe, it->second);
     const KeyframeId nearest = NearestRefined(frame.utime);
     const Rigid3 cam_from_nearest =
         submap_.submap->CamFromSubmap(frame) * submap_.submap->keyframes.at(nearest).cam_from_submap.Inverse();
-    return Follow(cam_from_nearest, refined_->keyframes.at(nearest));
+    return Follow(cam_from_nearest, refined_.at(nearest));
   }
 
   int64_t KeyframeDistance(const TrackedFrame& frame) const {
@@ -57,7 +68,7 @@ class FramePlacer {
 
   const MapModel& model_;
   const SnapshotSubmap& submap_;
-  const RefinedSubmap* refined_;
+  const RefinedKeyframes refined_;
   std::vector<std::pair<int64_t, KeyframeId>> refined_times_;
 };
 
@@ -95,12 +106,12 @@ std::vector<SnapshotKeyframe> PlaceKeyframes(const Snapshot& snapshot, const std
   std::vector<SnapshotKeyframe> keyframes;
   for (const int index : submaps) {
     const SnapshotSubmap& submap = snapshot.submaps[index];
-    const RefinedSubmap* refined = FindRefinement(snapshot.model->Revision(), submap.key);
+    const RefinedKeyframes refined = FindRefinedKeyframes(*snapshot.model, submap.key);
     for (const auto& [id, keyframe] : submap.submap->keyframes) {
       SnapshotKeyframe placed{index, id, keyframe.utime, Rigid3()};
-      const bool is_refined = refined != nullptr && refined->keyframes.contains(id);
-      placed.cam_from_root = is_refined ? refined->keyframes.at(id).cam_from_root
-                                        : TransformWorld(keyframe.cam_from_submap, submap.root_from_submap);
+      const auto it = refined.find(id);
+      placed.cam_from_root = it != refined.end() ? it->second.cam_from_root
+                                                 : TransformWorld(keyframe.cam_from_submap, submap.root_from_submap);
       keyframes.push_back(placed);
     }
   }
@@ -134,9 +145,9 @@ std::vector<SnapshotComponent> GroupSubmaps(Snapshot* snapshot) {
   int next_single = std::numeric_limits<int>::max() / 2;
   for (size_t i = 0; i < snapshot->submaps.size(); ++i) {
     SnapshotSubmap& submap = snapshot->submaps[i];
-    const std::vector<MergedSubmap>& merged = snapshot->model->Revision().submaps;
-    const auto it =
-        std::find_if(merged.begin(), merged.end(), [&](const MergedSubmap& m) { return m.key == submap.key; });
+    const std::vector<MergedTransforms::Place>& merged = snapshot->model->Revision().transforms.submaps;
+    const auto it = std::find_if(merged.begin(), merged.end(),
+                                 [&](const MergedTransforms::Place& place) { return place.key == submap.key; });
     const bool known = it != merged.end();
     SnapshotComponent& group = groups[known ? it->component : next_single++];
     submap.is_root = known ? it->is_root : true;
@@ -194,17 +205,22 @@ std::vector<ColoredPoint> ComponentPoints(const Snapshot& snapshot, int componen
   std::vector<ColoredPoint> points;
   for (const int index : snapshot.components[component].submaps) {
     const SnapshotSubmap& submap = snapshot.submaps[index];
-    const auto it = snapshot.model->Revision().refinement.find(submap.key);
-    const RefinedSubmap* refined =
-        it == snapshot.model->Revision().refinement.end() || it->second.points.empty() ? nullptr : &it->second;
+    // Of a submap that was refined: the points that it kept, and that are not fused into another's.
+    std::map<MapPointId, Eigen::Vector3f> kept;
+    const RefinedSubmap* refined = FindRefined(*snapshot.model, submap.key);
+    const bool is_refined = refined != nullptr && !refined->points.empty();
+    if (is_refined) {
+      for (const RefinedSubmap::Point& point : refined->points) kept[point.id] = point.position;
+      for (const RefinedSubmap::Fused& fused : refined->fused) kept.erase(fused.id);
+    }
     for (const auto& [id, point] : submap.submap->points) {
       ColoredPoint colored;
       colored.submap = index;
       colored.id = id;
-      if (refined != nullptr) {
-        const auto refined_point = refined->points.find(id);
-        if (refined_point == refined->points.end() || refined->fused.contains(id)) continue;
-        colored.position = refined_point->second;
+      if (is_refined) {
+        const auto it = kept.find(id);
+        if (it == kept.end()) continue;
+        colored.position = it->second.cast<double>();
       } else {
         colored.position = submap.root_from_submap * point.position.cast<double>();
       }

@@ -125,8 +125,8 @@ Json Connections(const Snapshot& snapshot, const std::vector<GraphEdge>& edges) 
                            {"scale", swapped ? 1 / c.b_from_a.scale : c.b_from_a.scale},
                            {"inliers", c.num_inliers},
                            {"candidates", c.num_candidates},
-                           {"reprojection_error_px", c.reprojection_error},
-                           {"verdict", VerdictName(c.verdict)},
+                           {"reprojection_error_px", c.median_error_px},
+                           {"verdict", ToString(c.verdict)},
                            {"reason", c.reason},
                            {"in_tree", c.in_tree}});
   }
@@ -134,18 +134,6 @@ Json Connections(const Snapshot& snapshot, const std::vector<GraphEdge>& edges) 
 }
 
 }  // namespace
-
-std::string VerdictName(EvaluatedConnection::Verdict verdict) {
-  switch (verdict) {
-    case EvaluatedConnection::Verdict::kAccepted:
-      return "accepted";
-    case EvaluatedConnection::Verdict::kRejected:
-      return "rejected";
-    case EvaluatedConnection::Verdict::kDeactivated:
-      return "deactivated";
-  }
-  return "";
-}
 
 std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evaluation,
                             const GroundTruth* ground_truth) {
@@ -156,12 +144,12 @@ std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evalu
   size_t num_keyframes = 0;
   for (const SnapshotSubmap& s : snapshot.submaps) num_keyframes += s.submap->keyframes.size();
   const bool any = !snapshot.components.empty();
-  const MapRevision& merged = snapshot.model->Revision();
+  const MergedTransforms& merged = snapshot.model->Revision().transforms;
   Json json;
   json["version"] = MAPMEND_VERSION;
   json["revision"] = merged.revision;
   json["refined"] = merged.refined;
-  json["final"] = merged.final;
+  json["final"] = merged.is_final;
   json["frames_in"] = snapshot.num_frames_in;
   json["frames_tracked"] = snapshot.num_frames_tracked;
   json["frames_in_main"] = any ? snapshot.components[0].frames.size() : 0;

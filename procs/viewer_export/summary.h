@@ -11,7 +11,4 @@ namespace mapmend {
 // wall_s, frontend and processes afterwards.
 std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evaluation, const GroundTruth* ground_truth);
 
-// "accepted", "rejected" or "deactivated".
-std::string VerdictName(EvaluatedConnection::Verdict verdict);
-
 }  // namespace mapmend

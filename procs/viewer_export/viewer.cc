@@ -5,24 +5,20 @@
 
 #include <algorithm>
 #include <chrono>
-#include <mapmend/connection_t.hpp>
 #include <mapmend/frame_pose_t.hpp>
 #include <mapmend/health_t.hpp>
-#include <mapmend/merged_transforms_t.hpp>
-#include <mapmend/revision_part_t.hpp>
-#include <mapmend/revision_t.hpp>
 #include <vector>
 
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/health.h"
 #include "libs/bus/process.h"
+#include "libs/wire/revision_codec.h"
 #include "libs/wire/store_client.h"
 #include "libs/wire/stream_consumer.h"
 #include "procs/viewer_export/exporter.h"
 #include "procs/viewer_export/live_server.h"
 #include "procs/viewer_export/live_state.h"
-#include "procs/viewer_export/revision_codec.h"
 
 namespace mapmend {
 namespace {
@@ -75,14 +71,14 @@ struct Viewer::Impl {
 };
 
 void Viewer::Impl::Subscribe() {
-  subscriptions.push_back(bus->Subscribe<merged_transforms_t>(channels::kMergedTransforms, Delivery::kKeepAll,
-                                                              [this](const merged_transforms_t& message) {
-                                                                model.SetTransforms(DecodeTransforms(message));
-                                                                announced = std::max(announced, message.revision);
-                                                              }));
-  subscriptions.push_back(bus->Subscribe<connection_t>(
+  subscriptions.push_back(bus->Subscribe<MergedTransforms>(channels::kMergedTransforms, Delivery::kKeepAll,
+                                                           [this](const MergedTransforms& transforms) {
+                                                             model.SetTransforms(transforms);
+                                                             announced = std::max(announced, transforms.revision);
+                                                           }));
+  subscriptions.push_back(bus->Subscribe<EvaluatedConnection>(
       channels::kConnection, Delivery::kKeepAll,
-      [this](const connection_t& message) { model.SetConnection(DecodeConnection(message)); }));
+      [this](const EvaluatedConnection& connection) { model.SetConnection(connection); }));
   if (server == nullptr) return;
   subscriptions.push_back(bus->Subscribe<frame_pose_t>(
       channels::kFramePose, Delivery::kLatest, [this](const frame_pose_t& message) { live.OnFramePose(message); }));
@@ -105,21 +101,21 @@ void Viewer::Impl::FetchRevision() {
   const bool waiting = model.AllEnded() && !model.IsComplete();
   if ((!behind && !waiting) || Clock::now() < next_ask) return;
   next_ask = Clock::now() + kAskInterval;
-  revision_t message;
-  std::vector<revision_part_t> parts;
-  if (store.FetchRevision(-1, &message, &parts, kFetchTimeoutMs) != StoreClient::RevisionStatus::kOk) return;
-  if (message.transforms.revision <= fetched) return;
-  try {
-    model.SetRevision(DecodeRevision(message, parts));
-  } catch (const std::exception& e) {
-    spdlog::error("viewer_export: revision {}: {}", message.transforms.revision, e.what());
+  StoreClient::FetchedRevision stored = store.FetchRevision(-1, kFetchTimeoutMs);
+  if (stored.number <= fetched) return;
+  if (!stored.error.empty()) {
+    spdlog::error("viewer_export: revision {}: {}", stored.number, stored.error);
+  } else if (stored.status == StoreClient::RevisionStatus::kOk) {
+    model.SetRevision(std::move(stored.revision));
+  } else {
+    return;
   }
-  fetched = message.transforms.revision;
+  fetched = stored.number;
 }
 
 void Viewer::Impl::ExportIfComplete() {
   // A final revision counts once it has been read with its parts, not when only its transforms were announced.
-  if (!model.IsComplete() || model.Revision().revision > fetched) {
+  if (!model.IsComplete() || model.Revision().transforms.revision > fetched) {
     health.SetState(model.SessionOrder().empty() ? "ready" : "busy");
     return;
   }
@@ -136,7 +132,7 @@ void Viewer::Impl::ExportIfComplete() {
                       (problems.size() == 1 ? "" : " (and " + std::to_string(problems.size() - 1) + " other exports)"));
       return;
     }
-    spdlog::info("viewer_export: revision {} written to {} in {:.2f} s", model.Revision().revision, options.out,
+    spdlog::info("viewer_export: revision {} written to {} in {:.2f} s", model.Revision().transforms.revision, options.out,
                  std::chrono::duration<double>(Clock::now() - start).count());
   }
   health.SetState("done", options.out.empty() ? "" : "exports are in " + options.out);
@@ -146,7 +142,7 @@ void Viewer::Impl::ExportIfComplete() {
 void Viewer::Impl::CountForHealth() {
   for (const StreamConsumer::Cursor& cursor : consumer.Cursors()) health.SetCursor(cursor.session, cursor.seq);
   health.SetQueueDepth(consumer.QueueDepth());
-  health.SetCounter("revision", static_cast<double>(model.Revision().revision));
+  health.SetCounter("revision", static_cast<double>(model.Revision().transforms.revision));
   health.SetCounter("bad_messages", static_cast<double>(bus->NumRefused() + consumer.NumRefused() + num_bad_records));
 }
 

@@ -9,8 +9,6 @@
 #include <csignal>
 #include <mapmend/bow_query_t.hpp>
 #include <mapmend/bow_result_t.hpp>
-#include <mapmend/revision_part_t.hpp>
-#include <mapmend/revision_t.hpp>
 #include <mapmend/session_closed_t.hpp>
 
 #include "libs/wire/codec.h"
@@ -145,35 +143,19 @@ TEST_F(StreamConsumerTest, WhoHasSeenTheEndOfASessionThatGoesOnMustStartAfresh) 
 }
 
 TEST_F(StreamConsumerTest, RevisionsAreStoredAndReadBackByThoseWhoComeLater) {
-  revision_t revision{};
-  std::vector<revision_part_t> parts(20);
-  EXPECT_EQ(client_->FetchRevision(-1, &revision, &parts, 5000), StoreClient::RevisionStatus::kNone);
-  parts.assign(20, revision_part_t{});
+  EXPECT_EQ(client_->FetchRevision(-1, 5000).status, StoreClient::RevisionStatus::kNone);
+  MapRevision revision;
   revision.transforms.revision = 5;
-  revision.transforms.is_final = 1;
-  revision.num_parts = 20;
-  for (int i = 0; i < 20; ++i) {
-    revision_part_t& part = parts[static_cast<size_t>(i)];
-    part.revision = 5;
-    part.part = i;
-    part.session = "a";
-    part.submap = i;
-    part.num_points = 1;
-    part.point = {i};
-    part.num_position_values = 3;
-    part.position = {1, 2, static_cast<float>(i)};
-  }
-  ASSERT_TRUE(client_->StoreRevision(revision, parts, 10000));
+  revision.transforms.is_final = true;
+  for (int i = 0; i < 20; ++i)
+    revision.refined.push_back({{"a", SubmapId(i)}, {}, {{MapPointId(i), {1, 2, static_cast<float>(i)}}}, {}});
+  ASSERT_TRUE(client_->StoreRevision(revision, 10000));
   store_.Kill();
   store_ = StartStore(db_, port_, log_);
   Connect();
-  revision_t found{};
-  std::vector<revision_part_t> found_parts;
-  ASSERT_EQ(client_->FetchRevision(-1, &found, &found_parts, 10000), StoreClient::RevisionStatus::kOk);
-  EXPECT_EQ(found.transforms.revision, 5);
-  EXPECT_TRUE(found.transforms.is_final);
-  ASSERT_EQ(found_parts.size(), 20u);
-  EXPECT_EQ(found_parts[7].position[2], 7.f);
+  const StoreClient::FetchedRevision found = client_->FetchRevision(-1, 10000);
+  ASSERT_EQ(found.status, StoreClient::RevisionStatus::kOk);
+  EXPECT_EQ(found.revision, revision);
 }
 
 }  // namespace

@@ -12,8 +12,6 @@
 #include <filesystem>
 #include <fstream>
 #include <mapmend/health_t.hpp>
-#include <mapmend/revision_part_t.hpp>
-#include <mapmend/revision_t.hpp>
 #include <nlohmann/json.hpp>
 #include <thread>
 
@@ -124,27 +122,16 @@ class ViewerExportTest : public ::testing::Test {
     return last;
   }
   // Submap 1 begins at x = 10 of submap 0 and its units are twice as long.
-  static revision_t FinalRevision(int64_t last_seq) {
-    revision_t message{};
-    message.transforms.revision = 1;
-    message.transforms.is_final = 1;
-    cursor_t cursor{};
-    cursor.session = kSession;
-    cursor.seq = last_seq;
-    message.transforms.cursors.push_back(cursor);
-    message.transforms.num_cursors = 1;
+  static MapRevision FinalRevision(int64_t last_seq) {
+    MapRevision revision;
+    revision.transforms.revision = 1;
+    revision.transforms.is_final = true;
+    revision.transforms.cursors = {{kSession, last_seq}};
     for (int i = 0; i < 2; ++i) {
-      merged_submap_t submap{};
-      submap.session = kSession;
-      submap.submap = i;
-      submap.root_from_submap[0] = 10 * i;
-      submap.root_from_submap[6] = 1;
-      submap.root_from_submap[7] = 1 + i;
-      submap.is_root = i == 0;
-      message.transforms.submaps.push_back(submap);
+      const Similarity3 root_from_submap(1 + i, Eigen::Quaterniond::Identity(), {10.0 * i, 0, 0});
+      revision.transforms.submaps.push_back({{kSession, SubmapId(i)}, 0, root_from_submap, i == 0});
     }
-    message.transforms.num_submaps = 2;
-    return message;
+    return revision;
   }
 
   fs::path dir_;
@@ -183,7 +170,7 @@ TEST_F(ViewerExportTest, WritesTheExportsOfTheFinalRevisionWheneverItIsStarted) 
     ASSERT_TRUE(WaitForState(&bus, "busy"));
     EXPECT_FALSE(fs::exists(dir_ / "live/summary.json")) << "exported before the final revision";
     StoreClient client(&bus, "test");
-    ASSERT_TRUE(client.StoreRevision(FinalRevision(last), {}));
+    ASSERT_TRUE(client.StoreRevision(FinalRevision(last)));
     ASSERT_TRUE(WaitForState(&bus, "done"));
     check("live");
     EXPECT_EQ(viewer.Stop(), 0);

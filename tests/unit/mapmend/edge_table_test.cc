@@ -8,51 +8,40 @@
 namespace mapmend {
 namespace {
 
-graph_t TwoFlights() {
-  graph_t graph{};
+GraphReply TwoFlights() {
+  GraphReply graph;
   for (const auto& [session, submap] : {std::pair("ab2", 0), std::pair("ab1", 1), std::pair("ab1", 0)}) {
-    merged_submap_t s{};
-    s.session = session;
-    s.submap = submap;
-    graph.transforms.submaps.push_back(s);
+    graph.transforms.submaps.push_back({{session, SubmapId(submap)}, 0, {}, false});
   }
-  connection_t weak{}, strong{};
-  weak.session_a = strong.session_a = "ab1";
-  weak.session_b = "ab1";
-  weak.submap_b = 1;
-  weak.verdict = connection_t::REJECTED;
+  EvaluatedConnection weak, strong;
+  weak.a = strong.a = {"ab1", SubmapId(0)};
+  weak.b = {"ab1", SubmapId(1)};
   weak.reason = "only 7 map points look alike";
-  strong.session_b = "ab2";
+  strong.b = {"ab2", SubmapId(0)};
   strong.strength = 33.5;
   strong.num_connected_frames = 4;
-  strong.b_from_a[7] = 1.25;
-  strong.verdict = connection_t::ACCEPTED;
-  strong.in_tree = 1;
+  strong.b_from_a.scale = 1.25;
+  strong.verdict = EvaluatedConnection::Verdict::kAccepted;
+  strong.in_tree = true;
   graph.connections = {weak, strong};
   return graph;
 }
 
 TEST(EdgeTable, NumbersSubmapsBySessionAndFindsThem) {
   const EdgeTable table(TwoFlights(), {"ab1", "ab2"});
-  EXPECT_EQ(table.FindSubmap("0"), std::pair(std::string("ab1"), 0));
-  EXPECT_EQ(table.FindSubmap("1"), std::pair(std::string("ab1"), 1));
-  EXPECT_EQ(table.FindSubmap("2"), std::pair(std::string("ab2"), 0));
-  EXPECT_EQ(table.FindSubmap("ab2:0"), std::pair(std::string("ab2"), 0));
-  EXPECT_EQ(table.FindSubmap("ab:1"), std::pair(std::string("ab1"), 1));  // the only one of that number
+  EXPECT_EQ(table.FindSubmap("0"), (SubmapKey{"ab1", SubmapId(0)}));
+  EXPECT_EQ(table.FindSubmap("1"), (SubmapKey{"ab1", SubmapId(1)}));
+  EXPECT_EQ(table.FindSubmap("2"), (SubmapKey{"ab2", SubmapId(0)}));
+  EXPECT_EQ(table.FindSubmap("ab2:0"), (SubmapKey{"ab2", SubmapId(0)}));
+  EXPECT_EQ(table.FindSubmap("ab:1"), (SubmapKey{"ab1", SubmapId(1)}));  // the only one of that number
   EXPECT_THROW(table.FindSubmap("ab:0"), std::runtime_error);
   for (const char* bad : {"3", "-1", "", "ab1:", "ab3:0", "1x"})
     EXPECT_THROW(table.FindSubmap(bad), std::runtime_error) << bad;
 }
 
 TEST(EdgeTable, ListsTheStrongestFirstAndWhatIsSwitchedOff) {
-  edge_decision_t off{}, on{};
-  off.session_a = "ab2";
-  off.session_b = "ab1";
-  off.disabled = 1;
-  on = off;
-  on.submap_b = 1;
-  edge_decision_t undone = on;
-  undone.disabled = 0;
+  const EdgeDecision off{{"ab2", SubmapId(0)}, {"ab1", SubmapId(0)}, true};
+  const EdgeDecision on{{"ab2", SubmapId(0)}, {"ab1", SubmapId(1)}, true}, undone{on.a, on.b, false};
   const std::string text = EdgeTable(TwoFlights(), {"ab1", "ab2"}).Text({off, on, undone});
   EXPECT_LT(text.find("0 - 2"), text.find("0 - 1")) << text;
   EXPECT_NE(text.find("1.250"), std::string::npos) << text;
@@ -63,10 +52,7 @@ TEST(EdgeTable, ListsTheStrongestFirstAndWhatIsSwitchedOff) {
 }
 
 TEST(EdgeTable, SaysTheSameAsJson) {
-  edge_decision_t off{};
-  off.session_a = "ab2";
-  off.session_b = "ab1";
-  off.disabled = 1;
+  const EdgeDecision off{{"ab2", SubmapId(0)}, {"ab1", SubmapId(0)}, true};
   const auto json = nlohmann::json::parse(EdgeTable(TwoFlights(), {"ab1", "ab2"}).Json({off}));
   ASSERT_EQ(json.at("submaps").size(), 3u);
   EXPECT_EQ(json["submaps"][2]["session"], "ab2");

@@ -8,10 +8,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "libs/bus/bus.h"
 #include "libs/wire/codec.h"
-#include "mapmend/revision_part_t.hpp"
-#include "mapmend/revision_t.hpp"
+#include "libs/wire/revision_codec.h"
 #include "procs/submap_store/blob.h"
 #include "procs/submap_store/db_commands.h"
 #include "procs/submap_store/schema.h"
@@ -42,24 +40,19 @@ void Fill(const std::string& path, const SyntheticStreamOptions& flight) {
   while (store.WorkInBackground()) continue;
 }
 
-revision_t MakeRevision(int64_t number, double scale, int num_parts) {
-  revision_t revision{};
-  revision.transforms.revision = number;
-  merged_submap_t submap{};
-  submap.session = "a";
-  submap.root_from_submap[6] = 1;
-  submap.root_from_submap[7] = scale;
-  revision.transforms.submaps = {submap};
-  revision.transforms.num_submaps = 1;
-  connection_t connection{};
-  connection.session_a = connection.session_b = "a";
-  connection.submap_b = 1;
+RevisionHead MakeRevision(int64_t number, double scale, int num_parts) {
+  RevisionHead head;
+  head.transforms.revision = number;
+  head.transforms.submaps = {{{"a", SubmapId(0)}, 0, {}, false}};
+  head.transforms.submaps[0].root_from_submap.scale = scale;
+  EvaluatedConnection connection;
+  connection.a = {"a", SubmapId(0)};
+  connection.b = {"a", SubmapId(1)};
+  connection.verdict = EvaluatedConnection::Verdict::kAccepted;
   connection.strength = 12.5;
-  connection.b_from_a[6] = connection.b_from_a[7] = 1;
-  revision.connections = {connection};
-  revision.num_connections = 1;
-  revision.num_parts = num_parts;
-  return revision;
+  head.connections = {connection};
+  head.num_parts = num_parts;
+  return head;
 }
 
 class DbFiles : public ::testing::Test {
@@ -304,16 +297,12 @@ TEST_F(DbFiles, HashIsOfContentNotOfPages) {
 TEST_F(DbFiles, RevisionsAreStoredReplacedAndFoundAgain) {
   Database database(db_, Database::Mode::kReadWrite);
   RevisionStore revisions(&database);
-  const auto store = [&](const revision_t& revision) {
-    const auto data = EncodeMessage(revision);
+  const auto store = [&](const RevisionHead& revision) {
+    const auto data = Encode(revision);
     return revisions.Store(data.data(), static_cast<int>(data.size()));
   };
   const auto store_part = [&](int64_t number, int32_t part) {
-    revision_part_t message{};
-    message.revision = number;
-    message.part = part;
-    message.session = "a";
-    const auto data = EncodeMessage(message);
+    const auto data = Encode(RevisionPart{number, part, {{"a", SubmapId(part)}, {}, {}, {}}});
     return revisions.StorePart(data.data(), static_cast<int>(data.size()));
   };
   EXPECT_EQ(revisions.NewestComplete(), -1);
@@ -334,11 +323,10 @@ TEST_F(DbFiles, RevisionsAreStoredReplacedAndFoundAgain) {
   ASSERT_TRUE(store(MakeRevision(7, 2.0, 0)));
   EXPECT_EQ(revisions.NewestComplete(), 7);
   EXPECT_NE(HashDb(db_).map, map);
-  revision_t invalid = MakeRevision(8, std::nan(""), 0);
+  RevisionHead invalid = MakeRevision(8, std::nan(""), 0);
   EXPECT_FALSE(store(invalid));
   invalid = MakeRevision(8, 1, 0);
-  invalid.transforms.edge_a = invalid.transforms.edge_b = {5};
-  invalid.transforms.num_edges = 1;
+  invalid.transforms.edges = {{5, 5}};
   EXPECT_FALSE(store(invalid));
 }
 

@@ -2,12 +2,10 @@
 
 #include <SQLiteCpp/SQLiteCpp.h>
 
-#include <mapmend/revision_part_t.hpp>
-#include <mapmend/revision_t.hpp>
 #include <string>
 
-#include "libs/bus/bus.h"
 #include "libs/wire/codec.h"
+#include "libs/wire/revision_codec.h"
 #include "procs/submap_store/submap_store.h"
 #include "tests/synthetic_stream.h"
 
@@ -31,39 +29,29 @@ inline void FillWithMap(const std::string& path) {
   FillWithFlight(path, flight);
   Database database(path, Database::Mode::kReadWrite);
   RevisionStore revisions(&database);
-  revision_t revision{};
-  revision.transforms.revision = 5;
-  revision.transforms.is_final = 1;
+  RevisionHead head;
+  head.transforms.revision = 5;
+  head.transforms.is_final = true;
   for (int i = 0; i < 2; ++i) {
-    merged_submap_t submap{};
-    submap.session = flight.session;
-    submap.submap = i;
-    submap.root_from_submap[6] = 1;
-    submap.root_from_submap[7] = 1.25;
-    revision.transforms.submaps.push_back(submap);
+    MergedTransforms::Place place{{flight.session, SubmapId(i)}, 0, {}, false};
+    place.root_from_submap.scale = 1.25;
+    head.transforms.submaps.push_back(place);
   }
-  revision.transforms.num_submaps = 2;
-  connection_t connection{};
-  connection.session_a = connection.session_b = flight.session;
-  connection.submap_b = 1;
+  EvaluatedConnection connection;
+  connection.a = {flight.session, SubmapId(0)};
+  connection.b = {flight.session, SubmapId(1)};
+  connection.verdict = EvaluatedConnection::Verdict::kAccepted;
   connection.strength = 12.5;
   connection.reason = "30 inliers";
-  connection.b_from_a[6] = connection.b_from_a[7] = 1;
-  revision.connections = {connection};
-  revision.num_connections = 1;
-  revision.num_parts = 2;
-  const auto data = EncodeMessage(revision);
+  head.connections = {connection};
+  head.num_parts = 2;
+  const auto data = Encode(head);
   revisions.Store(data.data(), static_cast<int>(data.size()));
   for (int i = 0; i < 2; ++i) {
-    revision_part_t part{};
-    part.revision = 5;
-    part.part = part.submap = i;
-    part.session = flight.session;
-    part.num_points = 400;
-    for (int p = 0; p < part.num_points; ++p) part.point.push_back(p);
-    part.num_position_values = 3 * part.num_points;
-    part.position.assign(static_cast<size_t>(part.num_position_values), 0.5f + static_cast<float>(i));
-    const auto bytes = EncodeMessage(part);
+    RevisionPart part{5, i, {{flight.session, SubmapId(i)}, {}, {}, {}}};
+    const float at = 0.5f + static_cast<float>(i);
+    for (int p = 0; p < 400; ++p) part.submap.points.push_back({MapPointId(p), {at, at, at}});
+    const auto bytes = Encode(part);
     revisions.StorePart(bytes.data(), static_cast<int>(bytes.size()));
   }
   edge_request_t request{};

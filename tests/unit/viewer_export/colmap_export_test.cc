@@ -22,10 +22,9 @@ std::vector<std::string> Lines(const std::string& text) {
 MapModel RefinedModel(const TestFlight& flight) {
   MapModel model = MakeModel(flight);
   MapRevision revision = flight.Revision();
-  for (int i = 0; i < 2; ++i) revision.refinement[flight.Key(i)] = flight.Refinement(i);
+  for (int i = 0; i < 2; ++i) revision.refined.push_back(flight.Refinement(i));
   // Point 13 of submap 1 is the same as point 1 of submap 0 (as far as the lists go).
-  RefinedSubmap& second = revision.refinement[flight.Key(1)];
-  second.fused[MapPointId(13)] = {flight.Key(0).session, MapPointId(1)};
+  revision.refined[1].fused.push_back({MapPointId(13), flight.Key(0).session, MapPointId(1)});
   model.SetRevision(revision);
   return model;
 }

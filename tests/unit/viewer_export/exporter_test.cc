@@ -43,9 +43,9 @@ TEST_F(ExporterTest, ASplitMapIsWrittenWithAllItsFiles) {
   const TestFlight flight(options);
   MapModel model = MakeModel(flight);
   MapRevision merged = flight.Revision();
-  merged.submaps[2].component = 1;
-  merged.submaps[2].root_from_submap = Similarity3();
-  merged.submaps[2].is_root = true;
+  merged.transforms.submaps[2].component = 1;
+  merged.transforms.submaps[2].root_from_submap = Similarity3();
+  merged.transforms.submaps[2].is_root = true;
   for (EvaluatedConnection& c : merged.connections) {
     if (c.b == flight.Key(2)) c.verdict = EvaluatedConnection::Verdict::kRejected, c.in_tree = false;
   }

@@ -39,9 +39,9 @@ TEST(FindHoles, FramesOfAnotherPartAreLackingInTheMainMap) {
   const TestFlight flight(options);
   MapModel model = ModelEnding(flight, 69);
   MapRevision merged = flight.Revision();
-  merged.submaps[0].component = merged.submaps[2].component = 0;
-  merged.submaps[1].component = 1;
-  merged.submaps[1].is_root = true;
+  merged.transforms.submaps[0].component = merged.transforms.submaps[2].component = 0;
+  merged.transforms.submaps[1].component = 1;
+  merged.transforms.submaps[1].is_root = true;
   model.SetRevision(merged);
   const std::vector<MapHole> holes = FindHoles(MakeSnapshot(model));
   ASSERT_EQ(holes.size(), 1u);

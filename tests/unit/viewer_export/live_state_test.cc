@@ -48,8 +48,8 @@ TEST(LiveStateTest, FollowsAFlightFromStartToEnd) {
   EXPECT_EQ(state["state"], "whole");
   EXPECT_EQ(state["figures"][0]["value"], "40");
   EXPECT_THAT(state["graph"].get<std::string>(), HasSubstr("Submap 1"));
-  revision.submaps[1].component = 1;
-  revision.revision++;
+  revision.transforms.submaps[1].component = 1;
+  revision.transforms.revision++;
   model.SetRevision(revision);
   state = State(model, inputs);
   EXPECT_EQ(state["state"], "parts");
@@ -78,13 +78,13 @@ TEST(MapModelTest, TransformsAheadOfTheirRevisionKeepTheConnections) {
   const TestFlight flight;
   MapModel model = MakeModel(flight);
   model.SetRevision(flight.Revision());
-  MapRevision ahead;
+  MergedTransforms ahead;
   ahead.revision = 4;
-  ahead.submaps = flight.Revision().submaps;
+  ahead.submaps = flight.Revision().transforms.submaps;
   EXPECT_TRUE(model.SetTransforms(ahead));
   ASSERT_EQ(model.Revision().connections.size(), 1u);
   EXPECT_FALSE(model.Revision().connections[0].in_tree) << "these transforms have no tree edge";
-  ahead.tree = {{flight.Key(1), flight.Key(0)}};
+  ahead.edges = {{1, 0}};
   EXPECT_FALSE(model.SetTransforms(ahead)) << "not newer";
   ahead.revision = 5;
   EXPECT_TRUE(model.SetTransforms(ahead));
@@ -95,14 +95,14 @@ TEST(MapModelTest, IsCompleteOnceEveryRecordOfTheFinalRevisionIsKnown) {
   const TestFlight flight;
   MapRevision revision = flight.Revision();
   const int64_t last = static_cast<int64_t>(flight.Records().size()) - 1;
-  revision.cursors[flight.Key(0).session] = last;
+  revision.transforms.cursors = {{flight.Key(0).session, last}};
   MapModel model;
   for (int64_t i = 0; i < last; ++i) ASSERT_EQ(model.Apply(flight.Records()[i]), "");
   model.SetRevision(revision);
   EXPECT_FALSE(model.IsComplete()) << "the session's end is missing";
   ASSERT_EQ(model.Apply(flight.Records()[last]), "");
   EXPECT_TRUE(model.IsComplete());
-  revision.final = false;
+  revision.transforms.is_final = false;
   model.SetRevision(revision);
   EXPECT_FALSE(model.IsComplete());
 }

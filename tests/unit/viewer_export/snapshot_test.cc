@@ -61,9 +61,9 @@ TEST(SnapshotTest, TheComponentWithMostFramesIsMain) {
   const TestFlight flight(options);
   MapModel model = MakeModel(flight);
   MapRevision merged = flight.Revision();
-  merged.submaps[0].component = 7;  // alone; the other two belong together
-  merged.submaps[1].component = merged.submaps[2].component = 9;
-  merged.submaps[1].is_root = true;
+  merged.transforms.submaps[0].component = 7;  // alone; the other two belong together
+  merged.transforms.submaps[1].component = merged.transforms.submaps[2].component = 9;
+  merged.transforms.submaps[1].is_root = true;
   model.SetRevision(merged);
   const Snapshot snapshot = MakeSnapshot(model);
   ASSERT_EQ(snapshot.components.size(), 2u);
@@ -76,16 +76,21 @@ TEST(SnapshotTest, RefinedKeyframesCarryTheirFramesWithThem) {
   const TestFlight flight;
   MapModel model = MakeModel(flight);
   MapRevision merged = flight.Revision();
-  for (int i = 0; i < 2; ++i) merged.refinement[flight.Key(i)] = flight.Refinement(i);
-  merged.submaps[1].root_from_submap = Similarity3();  // the coarse transform must not be used any more
+  for (int i = 0; i < 2; ++i) merged.refined.push_back(flight.Refinement(i));
+  merged.transforms.submaps[1].root_from_submap = Similarity3();  // the coarse transform must not be used any more
   model.SetRevision(merged);
   EXPECT_LT(LargestError(flight, MakeSnapshot(model).components[0].frames), 1e-4);
 }
 
+RefinedSubmap::Keyframe* Find(KeyframeId id, RefinedSubmap* refined) {
+  const auto is_it = [&](const RefinedSubmap::Keyframe& keyframe) { return keyframe.id == id; };
+  return &*std::find_if(refined->keyframes.begin(), refined->keyframes.end(), is_it);
+}
+
 // A refinement that moves a keyframe by one unit in x and doubles the lengths around it.
-void MoveAndDouble(RefinedKeyframe* keyframe) {
-  const Rigid3 before = keyframe->cam_from_root;
-  *keyframe = {Rigid3(before.rotation, before.translation - before.rotation * Eigen::Vector3d(1, 0, 0)), 2};
+void MoveAndDouble(RefinedSubmap::Keyframe* keyframe) {
+  keyframe->cam_from_root.translation -= keyframe->cam_from_root.rotation * Eigen::Vector3d(1, 0, 0);
+  keyframe->scale = 2;
 }
 
 // Where submap 0 has the camera.
@@ -105,10 +110,10 @@ TEST(SnapshotTest, AFrameOfACulledKeyframeFollowsTheSuccessor) {
   ApplyAll(&model, WithUpdate(flight, cull));
   MapRevision merged = flight.Revision();
   RefinedSubmap refined = flight.Refinement(0);
-  refined.keyframes.erase(KeyframeId(2));
+  std::erase_if(refined.keyframes, [](const auto& k) { return k.id == KeyframeId(2); });
   // Refinement moved keyframe 1 (frame 4) by one unit in x and doubled the lengths around it; the others stayed.
-  MoveAndDouble(&refined.keyframes.at(KeyframeId(1)));
-  merged.refinement[flight.Key(0)] = refined;
+  MoveAndDouble(Find(KeyframeId(1), &refined));
+  merged.refined.push_back(refined);
   model.SetRevision(merged);
   const std::vector<MergedFrame> frames = MakeSnapshot(model).submaps[0].frames;
   ASSERT_EQ(frames.size(), 20u);
@@ -130,9 +135,9 @@ TEST(SnapshotTest, AFrameOfAKeyframeThatIsNotRefinedFollowsTheNearestInTime) {
   MapModel model = MakeModel(flight);
   MapRevision merged = flight.Revision();
   RefinedSubmap refined = flight.Refinement(0);
-  refined.keyframes.erase(KeyframeId(2));  // frames 8 to 11
-  MoveAndDouble(&refined.keyframes.at(KeyframeId(3)));
-  merged.refinement[flight.Key(0)] = refined;
+  std::erase_if(refined.keyframes, [](const auto& k) { return k.id == KeyframeId(2); });  // frames 8 to 11
+  MoveAndDouble(Find(KeyframeId(3), &refined));
+  merged.refined.push_back(refined);
   model.SetRevision(merged);
   const std::vector<MergedFrame> frames = MakeSnapshot(model).submaps[0].frames;
   const auto center = [&](int frame) { return frames[frame].cam_from_root.Center(); };
@@ -179,10 +184,10 @@ TEST(ComponentPointsTest, AreColouredAndFusedOnesAreListedOnce) {
   const TestFlight flight;
   MapModel model = MakeModel(flight);
   MapRevision merged = flight.Revision();
-  for (int i = 0; i < 2; ++i) merged.refinement[flight.Key(i)] = flight.Refinement(i);
-  RefinedSubmap& second = merged.refinement[flight.Key(1)];
-  second.fused[MapPointId(12)] = {flight.Key(0).session, MapPointId(0)};
-  second.points.erase(MapPointId(13));  // refinement found it to be wrong
+  for (int i = 0; i < 2; ++i) merged.refined.push_back(flight.Refinement(i));
+  RefinedSubmap& second = merged.refined[1];
+  second.fused.push_back({MapPointId(12), flight.Key(0).session, MapPointId(0)});
+  std::erase_if(second.points, [](const auto& p) { return p.id == MapPointId(13); });  // refinement found it to be wrong
   model.SetRevision(merged);
   const std::vector<ColoredPoint> points = ComponentPoints(MakeSnapshot(model), 0);
   ASSERT_EQ(points.size(), 22u);
@@ -202,9 +207,9 @@ TEST(MapModelTest, BadRecordsAndOldRevisionsChangeNothing) {
   EXPECT_NE(model.Apply(flight.Records()[1]), "") << "the same record again";
   EXPECT_TRUE(model.SetRevision(flight.Revision()));
   MapRevision old;
-  old.revision = 2;
+  old.transforms.revision = 2;
   EXPECT_FALSE(model.SetRevision(old));
-  EXPECT_EQ(model.Revision().revision, 3);
+  EXPECT_EQ(model.Revision().transforms.revision, 3);
 }
 
 }  // namespace

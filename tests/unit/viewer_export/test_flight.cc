@@ -98,11 +98,11 @@ void TestFlight::AddSubmap(int submap) {
 MapRevision TestFlight::Revision() const {
   using Verdict = EvaluatedConnection::Verdict;
   MapRevision map;
-  map.revision = 3;
-  map.final = true;
+  map.transforms.revision = 3;
+  map.transforms.is_final = true;
   const Similarity3 root_from_world = WorldFromSubmap(0).Inverse();
   for (int i = 0; i < options_.num_submaps; ++i) {
-    map.submaps.push_back({Key(i), 0, root_from_world * WorldFromSubmap(i), i == 0});
+    map.transforms.submaps.push_back({Key(i), 0, root_from_world * WorldFromSubmap(i), i == 0});
   }
   for (int a = 0; a < options_.num_submaps; ++a) {
     for (int b = a + 1; b < std::min(options_.num_submaps, a + 4); ++b) {
@@ -118,7 +118,7 @@ MapRevision TestFlight::Revision() const {
       c.strength = c.num_connected_frames + 0.1 * c.num_common_points + 0.1 * c.median_angle_deg * c.median_angle_deg;
       c.num_candidates = 20 + a;
       c.num_inliers = c.verdict == Verdict::kRejected ? 7 : 150;
-      c.reprojection_error = 0.8;
+      c.median_error_px = 0.8;
       c.b_from_a = WorldFromSubmap(b).Inverse() * WorldFromSubmap(a);
       c.reason = c.verdict == Verdict::kAccepted   ? "9 pairs of keyframes agree on one similarity"
                  : c.verdict == Verdict::kRejected ? "only 7 inliers <20 needed> & they lie in one corner of the image"
@@ -131,16 +131,17 @@ MapRevision TestFlight::Revision() const {
 
 RefinedSubmap TestFlight::Refinement(int submap) const {
   RefinedSubmap refined;
+  refined.key = Key(submap);
   const Similarity3 root_from_submap = WorldFromSubmap(0).Inverse() * WorldFromSubmap(submap);
   for (const Record& record : records_) {
     if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body);
         keyframe && keyframe->submap.value == submap) {
-      refined.keyframes[keyframe->keyframe] = {TransformWorld(keyframe->cam_from_submap, root_from_submap),
-                                               root_from_submap.scale};
+      refined.keyframes.push_back({keyframe->keyframe, TransformWorld(keyframe->cam_from_submap, root_from_submap),
+                                   root_from_submap.scale});
     }
     if (const auto* update = std::get_if<MapUpdate>(&record.body); update && update->submap.value == submap) {
       for (const PointPosition& p : update->points)
-        refined.points[p.point] = root_from_submap * p.position.cast<double>();
+        refined.points.push_back({p.point, (root_from_submap * p.position.cast<double>()).cast<float>()});
     }
   }
   return refined;

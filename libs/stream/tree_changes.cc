@@ -1,21 +1,15 @@
-#include "libs/wire/tree_changes.h"
+#include "libs/stream/tree_changes.h"
 
 #include <algorithm>
-#include <mapmend/merged_transforms_t.hpp>
 
 namespace mapmend {
 
-std::vector<TreeChange> TreeChanges::Update(const merged_transforms_t& message) {
+std::vector<TreeChange> TreeChanges::Update(const MergedTransforms& transforms) {
   std::set<Edge> edges;
-  for (size_t i = 0; i < message.edge_a.size() && i < message.edge_b.size(); ++i) {
-    const auto num_submaps = static_cast<int>(message.submaps.size());
-    if (std::min(message.edge_a[i], message.edge_b[i]) < 0 ||
-        std::max(message.edge_a[i], message.edge_b[i]) >= num_submaps)
-      continue;
-    const merged_submap_t &a = message.submaps[message.edge_a[i]], &b = message.submaps[message.edge_b[i]];
-    const bool in_order = std::tie(a.session, a.submap) <= std::tie(b.session, b.submap);
-    const merged_submap_t &first = in_order ? a : b, &second = in_order ? b : a;
-    edges.emplace(first.session, first.submap, second.session, second.submap);
+  for (const auto& [i, j] : transforms.edges) {
+    const SubmapKey& first = std::min(transforms.submaps[i].key, transforms.submaps[j].key);
+    const SubmapKey& second = std::max(transforms.submaps[i].key, transforms.submaps[j].key);
+    edges.emplace(first.session, first.submap.value, second.session, second.submap.value);
   }
   std::vector<TreeChange> changes;
   const auto add = [&](const Edge& edge, bool joined) {

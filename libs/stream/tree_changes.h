@@ -5,8 +5,9 @@
 #include <tuple>
 #include <vector>
 
+#include "libs/stream/revision.h"
+
 namespace mapmend {
-class merged_transforms_t;
 
 // A connection that came into the tree by which submaps are joined, or left it.
 struct TreeChange {
@@ -15,11 +16,11 @@ struct TreeChange {
   bool joined = false;
 };
 
-// Compares each message of MAPMEND_MERGED_TRANSFORMS with the one before.
+// Compares the places of the submaps, each time that they are told, with those before.
 class TreeChanges {
  public:
   // What has changed; those that left come first.
-  std::vector<TreeChange> Update(const merged_transforms_t& message);
+  std::vector<TreeChange> Update(const MergedTransforms& transforms);
 
  private:
   using Edge = std::tuple<std::string, int, std::string, int>;
