@@ -23,7 +23,8 @@ class PointResolver {
       index_[{snapshot.submaps[points[i].submap].key.session, points[i].id}] = static_cast<int>(i);
     }
     for (const RefinedSubmap& refined : snapshot.model->Revision().refined) {
-      for (const RefinedSubmap::Fused& f : refined.fused) fused_[{refined.key.session, f.id}] = {f.into_session, f.into};
+      for (const RefinedSubmap::Fused& f : refined.fused)
+        fused_[{refined.key.session, f.id}] = {f.into_session, f.into};
     }
   }
 

@@ -71,6 +71,13 @@ int64_t MapModel::KeyframeUtime(const std::string& session, KeyframeId keyframe)
   return keyframe_utimes_.at(session).at(keyframe);
 }
 
+std::optional<int64_t> MapModel::FindKeyframeUtime(const std::string& session, KeyframeId keyframe) const {
+  const auto of_session = keyframe_utimes_.find(session);
+  if (of_session == keyframe_utimes_.end()) return std::nullopt;
+  const auto it = of_session->second.find(keyframe);
+  return it == of_session->second.end() ? std::nullopt : std::optional(it->second);
+}
+
 bool MapModel::AllEnded() const {
   return !sessions_.empty() &&
          std::all_of(sessions_.begin(), sessions_.end(), [](const auto& entry) { return entry.second.ended; });

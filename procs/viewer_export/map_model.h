@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,8 @@ class MapModel {
   const MapRevision& Revision() const { return revision_; }
   // When a keyframe's image was taken, also of culled ones.
   int64_t KeyframeUtime(const std::string& session, KeyframeId keyframe) const;
+  // The same; none of a keyframe that is not known yet.
+  std::optional<int64_t> FindKeyframeUtime(const std::string& session, KeyframeId keyframe) const;
   // Of the newest record of a session: once it has ended, when its last frame was taken.
   int64_t LastUtime(const std::string& session) const { return last_utimes_.at(session); }
   bool AllEnded() const;
@@ -47,7 +50,7 @@ class MapModel {
   std::vector<std::string> session_order_;
   std::map<std::string, std::map<KeyframeId, int64_t>> keyframe_utimes_;
   std::map<std::string, int64_t> last_utimes_;  // by session
-  MapRevision revision_;  // number -1: none yet
+  MapRevision revision_;                        // number -1: none yet
   int64_t version_ = 0;
 };
 

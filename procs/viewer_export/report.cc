@@ -187,8 +187,9 @@ std::string SubmapTable(const Json& s) {
                      std::string(errors ? "<th>Error RMSE</th><th>Error max</th><th>Max of depth</th>" : "") +
                      "<th class=\"text\">Ended because</th></tr>\n";
   for (const Json& m : s["submaps"]) {
-    html += "<tr><td>" + Chip(m["id"]) + "</td>" + (flights ? "<td class=\"left\">" + FlightName(s, m) + "</td>" : "") +
-            "<td class=\"left\">" + PartName(s, m["component"]) + (m["is_root"].get<bool>() ? " (root)" : "") + "</td>";
+    html += "<tr><td>" + Chip(m["id"]) + " " + Escaped(m["letters"]) + "</td>" +
+            (flights ? "<td class=\"left\">" + FlightName(s, m) + "</td>" : "") + "<td class=\"left\">" +
+            PartName(s, m["component"]) + (m["is_root"].get<bool>() ? " (root)" : "") + "</td>";
     const bool any = m["frames"].get<int64_t>() > 0;
     html += "<td>" + (any ? Int(m["first_frame"]) : "–") + "</td><td>" + (any ? Int(m["last_frame"]) : "–") + "</td>";
     for (const char* key : {"frames", "keyframes", "points"}) html += "<td>" + Int(m[key]) + "</td>";
@@ -214,6 +215,48 @@ std::string SubmapTable(const Json& s) {
         "scene there.</p>\n";
   }
   return html;
+}
+
+std::string RestorationEvent(const Json& s, const Json& step) {
+  const auto name = [&](const Json& number) {
+    for (const Json& submap : s["submaps"]) {
+      if (submap["id"] == number) return Escaped(submap["letters"]);
+    }
+    return Int(number);
+  };
+  const std::string submap = name(step["submap"]);
+  if (step["event"] == "new_map") {
+    if (!step.contains("lost")) return "the map " + submap + " is begun";
+    return name(step["lost"]) + " is lost (" + EscapeXml(Readable(step["loss_reason"])) + "), " + submap + " is begun";
+  }
+  std::string text;
+  for (const Json& c : step["connections"]) {
+    text += (text.empty() ? "" : "; ") + name(c["a"]) + "–" + name(c["b"]) + ": F " + Int(c["F"]) + ", M " +
+            Int(c["M"]) + ", θ " + Fixed(c["theta_deg"], 1) + "°, C " + Fixed(c["C"], 1);
+  }
+  return submap + " is connected: " + text;
+}
+
+// The merging process, as in Table 1 of the paper.
+std::string RestorationRows(const Json& s) {
+  if (!s.contains("restoration") || s["restoration"].size() < 2) return "";
+  const int64_t start = s["restoration"][0]["utime"];
+  std::string html =
+      "<h2>How the map was restored</h2>\n<div class=\"scroll\"><table>\n<tr><th>Time</th><th>Frame</th>"
+      "<th class=\"text\">What happened</th><th class=\"text\">Not recovered (L1)</th>"
+      "<th class=\"text\">Map being tracked (L2)</th></tr>\n";
+  for (const Json& step : s["restoration"]) {
+    const int64_t frame = step["frame"];
+    html += "<tr><td>" + Fixed(1e-6 * static_cast<double>(step["utime"].get<int64_t>() - start), 1) + " s</td><td>" +
+            (frame < 0 ? "–" : std::to_string(frame)) + "</td><td class=\"text\">" + RestorationEvent(s, step) +
+            "</td><td class=\"text\">" + Escaped(step["L1_letters"]) + "</td><td class=\"text\">" +
+            Escaped(step["L2_letters"]) + "</td></tr>\n";
+  }
+  return html +
+         "</table></div>\n<p class=\"note\">Submaps are named A, B, C … in the order of time. <b>L1</b>: maps that "
+         "tracking has left and that are not connected with the present one yet. <b>L2</b>: the submaps of the map in "
+         "which the camera is tracked. A merge stands at the first frame that sees the ground of a lost map and whose "
+         "connection held in the end.</p>\n";
 }
 
 std::string ConnectionTable(const Json& s) {
@@ -336,7 +379,7 @@ std::string MakeReport(const std::string& summary_json, const std::string& graph
     for (const std::string& svg : trajectory_svgs) html += "<div class=\"picture\">" + svg + "</div>\n";
     html += WhyApart(s);
     html += "<div class=\"picture\">" + graph_svg + "</div>\n";
-    html += ConnectionTable(s) + LoopTable(s) + SubmapTable(s) + ProcessTable(s) + ProfileTable(s);
+    html += RestorationRows(s) + ConnectionTable(s) + LoopTable(s) + SubmapTable(s) + ProcessTable(s) + ProfileTable(s);
     html += "<footer>Written by mapmend " + Escaped(s["version"]) +
             ". The figures are in summary.json beside this page.</footer>\n";
     return html + "</main></body></html>\n";

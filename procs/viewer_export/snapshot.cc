@@ -15,7 +15,8 @@ using RefinedKeyframes = std::map<KeyframeId, RefinedSubmap::Keyframe>;
 
 const RefinedSubmap* FindRefined(const MapModel& model, const SubmapKey& key) {
   const std::vector<RefinedSubmap>& all = model.Revision().refined;
-  const auto it = std::find_if(all.begin(), all.end(), [&](const RefinedSubmap& refined) { return refined.key == key; });
+  const auto it =
+      std::find_if(all.begin(), all.end(), [&](const RefinedSubmap& refined) { return refined.key == key; });
   return it == all.end() ? nullptr : &*it;
 }
 

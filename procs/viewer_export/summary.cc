@@ -8,6 +8,7 @@
 
 #include "procs/viewer_export/graph_export.h"
 #include "procs/viewer_export/holes.h"
+#include "procs/viewer_export/restoration.h"
 
 namespace mapmend {
 namespace {
@@ -72,6 +73,7 @@ Json Submaps(const Snapshot& snapshot, const MapEvaluation* evaluation) {
   for (size_t i = 0; i < snapshot.submaps.size(); ++i) {
     const SnapshotSubmap& s = snapshot.submaps[i];
     Json json = {{"id", s.number},
+                 {"letters", SubmapLetters(static_cast<int>(i))},
                  {"session", s.session},
                  {"session_submap", s.key.submap.value},
                  {"frames", s.frames.size()},
@@ -133,6 +135,46 @@ Json Connections(const Snapshot& snapshot, const std::vector<GraphEdge>& edges) 
   return connections;
 }
 
+Json Stack(const Snapshot& snapshot, const std::vector<std::vector<int>>& maps) {
+  Json stack = Json::array();
+  for (const std::vector<int>& map : maps) {
+    Json numbers = Json::array();
+    for (const int submap : map) numbers.push_back(snapshot.submaps[submap].number);
+    stack.push_back(numbers);
+  }
+  return stack;
+}
+
+Json Restorations(const Snapshot& snapshot) {
+  const RestorationTable table = MakeRestorationTable(snapshot);
+  Json steps = Json::array();
+  for (const RestorationStep& step : table.steps) {
+    const bool merges = step.event == RestorationStep::Event::kMerge;
+    Json json = {{"event", merges ? "merge" : "new_map"},
+                 {"utime", step.utime},
+                 {"frame", step.frame},
+                 {"submap", snapshot.submaps[step.submap].number}};
+    if (step.lost >= 0) {
+      json["lost"] = snapshot.submaps[step.lost].number;
+      json["loss_reason"] = snapshot.submaps[step.lost].submap->end_reason;
+    }
+    if (merges) {
+      std::vector<GraphEdge> edges;
+      for (const int index : step.connections) {
+        const EvaluatedConnection* connection = table.connections[index];
+        edges.push_back({snapshot.FindSubmap(connection->a), snapshot.FindSubmap(connection->b), connection});
+      }
+      json["connections"] = Connections(snapshot, edges);
+    }
+    json["L1"] = Stack(snapshot, step.unrecovered);
+    json["L2"] = Stack(snapshot, step.tracked);
+    json["L1_letters"] = StackLetters(step.unrecovered);
+    json["L2_letters"] = StackLetters(step.tracked);
+    steps.push_back(json);
+  }
+  return steps;
+}
+
 }  // namespace
 
 std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evaluation,
@@ -184,6 +226,7 @@ std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evalu
   json["components"] = Components(snapshot, evaluation, num_points);
   json["connections"] = Connections(snapshot, ListEdges(snapshot));
   json["loops"] = Connections(snapshot, ListLoops(snapshot));
+  json["restoration"] = Restorations(snapshot);
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

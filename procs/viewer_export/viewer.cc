@@ -132,8 +132,8 @@ void Viewer::Impl::ExportIfComplete() {
                       (problems.size() == 1 ? "" : " (and " + std::to_string(problems.size() - 1) + " other exports)"));
       return;
     }
-    spdlog::info("viewer_export: revision {} written to {} in {:.2f} s", model.Revision().transforms.revision, options.out,
-                 std::chrono::duration<double>(Clock::now() - start).count());
+    spdlog::info("viewer_export: revision {} written to {} in {:.2f} s", model.Revision().transforms.revision,
+                 options.out, std::chrono::duration<double>(Clock::now() - start).count());
   }
   health.SetState("done", options.out.empty() ? "" : "exports are in " + options.out);
 }

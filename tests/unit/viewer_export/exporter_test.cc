@@ -69,6 +69,11 @@ TEST_F(ExporterTest, ASplitMapIsWrittenWithAllItsFiles) {
     EXPECT_LT(tracked[0].world_from_camera.translation.norm(), 1e-6) << "as tracked: in the submap's own frame";
   }
   const auto summary = Summary();
+  EXPECT_EQ(summary["restoration"].size(), 4u);
+  EXPECT_EQ(summary["restoration"][2]["L2_letters"], "B-A");
+  EXPECT_EQ(summary["restoration"][3]["L1_letters"], "B-A");
+  EXPECT_EQ(summary["restoration"][3]["L2_letters"], "C");
+  EXPECT_THAT(Read("report.html"), HasSubstr("<td class=\"text\">B-A</td><td class=\"text\">C</td>"));
   EXPECT_EQ(summary["frames_in"], 75);
   EXPECT_EQ(summary["frames_tracked"], 60);
   EXPECT_EQ(summary["frames_in_main"], 40);

@@ -187,7 +187,8 @@ TEST(ComponentPointsTest, AreColouredAndFusedOnesAreListedOnce) {
   for (int i = 0; i < 2; ++i) merged.refined.push_back(flight.Refinement(i));
   RefinedSubmap& second = merged.refined[1];
   second.fused.push_back({MapPointId(12), flight.Key(0).session, MapPointId(0)});
-  std::erase_if(second.points, [](const auto& p) { return p.id == MapPointId(13); });  // refinement found it to be wrong
+  std::erase_if(second.points,
+                [](const auto& p) { return p.id == MapPointId(13); });  // refinement found it to be wrong
   model.SetRevision(merged);
   const std::vector<ColoredPoint> points = ComponentPoints(MakeSnapshot(model), 0);
   ASSERT_EQ(points.size(), 22u);

@@ -136,8 +136,8 @@ RefinedSubmap TestFlight::Refinement(int submap) const {
   for (const Record& record : records_) {
     if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body);
         keyframe && keyframe->submap.value == submap) {
-      refined.keyframes.push_back({keyframe->keyframe, TransformWorld(keyframe->cam_from_submap, root_from_submap),
-                                   root_from_submap.scale});
+      refined.keyframes.push_back(
+          {keyframe->keyframe, TransformWorld(keyframe->cam_from_submap, root_from_submap), root_from_submap.scale});
     }
     if (const auto* update = std::get_if<MapUpdate>(&record.body); update && update->submap.value == submap) {
       for (const PointPosition& p : update->points)
