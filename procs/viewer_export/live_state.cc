@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "procs/viewer_export/graph_export.h"
+#include "procs/viewer_export/restoration.h"
 #include "procs/viewer_export/trajectory_picture.h"
 
 namespace mapmend {
@@ -111,6 +112,20 @@ Json Pictures(const Snapshot& snapshot, const LiveInputs& inputs, const GroundTr
   return pictures;
 }
 
+// Table 1 of the paper, as far as the flight has come.
+Json Restorations(const Snapshot& snapshot) {
+  Json rows = Json::array();
+  for (const RestorationStep& step : MakeRestorationTable(snapshot).steps) {
+    const std::string submap = SubmapLetters(step.submap);
+    const bool merges = step.event == RestorationStep::Event::kMerge;
+    rows.push_back({{"frame", step.frame},
+                    {"event", merges ? submap + " connected" : submap + " begun"},
+                    {"L1", StackLetters(step.unrecovered)},
+                    {"L2", StackLetters(step.tracked)}});
+  }
+  return rows;
+}
+
 Json Processes(const LiveInputs& inputs) {
   Json processes = Json::array();
   const auto now = std::chrono::steady_clock::now();
@@ -165,6 +180,7 @@ std::string MakeLiveState(const MapModel& model, const LiveInputs& inputs, const
   json["figures"] = Figures(snapshot);
   json["pictures"] = Pictures(snapshot, inputs, ground_truth);
   json["graph"] = MakeGraphSvg(snapshot);
+  json["restoration"] = Restorations(snapshot);
   json["processes"] = Processes(inputs);
   json["report"] = exported;
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);

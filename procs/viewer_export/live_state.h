@@ -40,7 +40,8 @@ class LiveInputs {
 };
 
 // What the live page reads, as JSON: {state, headline, detail, figures[] {value, label, note}, pictures[] (SVG), graph
-// (SVG), processes[] {name, state, message, age_s, cpu_s, rss_mb, note}, report (bool)}.
+// (SVG), restoration[] {frame, event, L1, L2}, processes[] {name, state, message, age_s, cpu_s, rss_mb, note}, report
+// (bool)}.
 //   exported  the exports of this very map have been written
 std::string MakeLiveState(const MapModel& model, const LiveInputs& inputs, const GroundTruth* ground_truth,
                           bool exported);

@@ -38,12 +38,24 @@ function show(s) {
     draw(pictures.children[i], svg);
   });
   draw(at("graph"), s.graph);
+  showRestoration(s.restoration);
   at("processes").replaceChildren(...s.processes.map(p => {
     const row = element("tr"), name = element("td"), silent = p.age_s > 3;
     name.append(element("span", "dot " + (silent ? "silent" : p.state)), p.name);
     const words = silent ? "silent for " + p.age_s.toFixed(0) + " s" : p.state + (p.message ? ": " + p.message : "");
     name.append(element("small", "", words), element("small", "", p.note));
     row.append(name, element("td", "n", p.cpu_s.toFixed(1) + " s CPU"), element("td", "n", p.rss_mb.toFixed(0) + " MB"));
+    return row;
+  }));
+}
+// L1: maps that tracking has left and that are not recovered yet; L2: the map being tracked.
+function showRestoration(steps) {
+  const head = element("tr");
+  head.append(...["Frame", "", "L1", "L2"].map(text => element("th", "", text)));
+  at("restoration").replaceChildren(head, ...steps.map(step => {
+    const row = element("tr");
+    row.append(element("td", "n", step.frame < 0 ? "–" : String(step.frame)), element("td", "", step.event),
+      element("td", "", step.L1), element("td", "", step.L2));
     return row;
   }));
 }

@@ -48,6 +48,9 @@ TEST(LiveStateTest, FollowsAFlightFromStartToEnd) {
   EXPECT_EQ(state["state"], "whole");
   EXPECT_EQ(state["figures"][0]["value"], "40");
   EXPECT_THAT(state["graph"].get<std::string>(), HasSubstr("Submap 1"));
+  ASSERT_EQ(state["restoration"].size(), 3u);
+  EXPECT_EQ(state["restoration"][1]["L1"], "A");
+  EXPECT_EQ(state["restoration"][2]["L2"], "B-A");
   revision.transforms.submaps[1].component = 1;
   revision.transforms.revision++;
   model.SetRevision(revision);
