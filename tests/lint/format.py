@@ -7,8 +7,14 @@ import shutil
 import subprocess
 import sys
 
+sys.dont_write_bytecode = True
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+
+from files import tracked  # noqa: E402
+
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 VERSION = "14"  # Debian 12's; another one formats otherwise
+FOLDERS = ("libs", "procs", "tools", "tests", "examples")
 
 
 def find():
@@ -27,8 +33,10 @@ def main():
     if not program:
         print(f"format: left out: there is no clang-format {VERSION} here (apt install clang-format)")
         return 77
-    files = [str(path) for top in ("libs", "procs", "tools", "tests") for suffix in ("*.cc", "*.h")
-             for path in sorted((ROOT / top).rglob(suffix))]
+    files = [str(path) for path in tracked(ROOT, *(f"{top}/*.{suffix}" for top in FOLDERS for suffix in ("cc", "h")))]
+    if not files:
+        print("format: there are no files to look at")
+        return 1
     result = subprocess.run([program, "--dry-run", "--Werror", *files], capture_output=True, text=True, check=False)
     print(result.stderr[-4000:] or f"format: {len(files)} files are as they should be")
     return 1 if result.returncode else 0

@@ -1,11 +1,14 @@
 #!/usr/bin/env python3
-"""clang-tidy over the C++ files that differ from a commit (default: the one before the last), each warning an error.
+"""clang-tidy over the C++ files that differ from a commit, each warning an error.
 
     tidy.py BUILD_FOLDER [COMMIT]
 
-Exit codes: 0, 1, 77 if clang-tidy or the history is not here. At most 20 files are looked at, so that it ends in minutes.
+The commit is the argument, else the environment's MAPMEND_TIDY_BASE, else where this branch left origin/main, else (also
+on main itself) the one before the last. Exit codes: 0, 1, 77 if clang-tidy or the history is not here. At most 20 files
+are looked at, so that it ends in minutes.
 """
 
+import os
 import pathlib
 import shutil
 import subprocess
@@ -15,18 +18,39 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 MAX_FILES = 20
 
 
+def git(root, *arguments):
+    """What git says; None if it fails."""
+    told = subprocess.run(["git", "-C", str(root), *arguments], capture_output=True, text=True, check=False)
+    return told.stdout.strip() if told.returncode == 0 else None
+
+
+def base(root, argument, environment):
+    """The commit to compare with; None if there is none."""
+    if asked := argument or environment:
+        return git(root, "rev-parse", "--verify", "--quiet", asked + "^{commit}")
+    left = git(root, "merge-base", "HEAD", "origin/main")
+    if left and left != git(root, "rev-parse", "HEAD"):
+        return left
+    return git(root, "rev-parse", "--verify", "--quiet", "HEAD~1")
+
+
+def changed(root, commit):
+    """Sources that differ from the commit, what is not committed yet included."""
+    told = git(root, "diff", "--name-only", "--diff-filter=d", commit, "--", "libs/*.cc", "procs/*.cc")
+    return told.split() if told else []
+
+
 def main():
-    build, commit = sys.argv[1], sys.argv[2] if len(sys.argv) > 2 else "HEAD~1"
+    build = sys.argv[1]
     program = shutil.which("clang-tidy")
     if not program:
         print("tidy: left out: there is no clang-tidy here (apt install clang-tidy)")
         return 77
-    changed = subprocess.run(["git", "-C", str(ROOT), "diff", "--name-only", "--diff-filter=d", commit, "--", "libs/*.cc",
-                              "procs/*.cc"], capture_output=True, text=True, check=False)
-    if changed.returncode:
-        print(f"tidy: left out: there is no {commit} here")
+    commit = base(ROOT, sys.argv[2] if len(sys.argv) > 2 else "", os.environ.get("MAPMEND_TIDY_BASE", ""))
+    if not commit:
+        print("tidy: left out: there is no commit to compare with")
         return 77
-    files = changed.stdout.split()
+    files = changed(ROOT, commit)
     if len(files) > MAX_FILES:
         print(f"tidy: {len(files)} files have changed; the first {MAX_FILES} are looked at")
     failures = 0
@@ -36,7 +60,7 @@ def main():
         if result.returncode:
             failures += 1
             print(result.stdout[-3000:])
-    print(f"tidy: {len(files[:MAX_FILES])} files, {failures} with complaints")
+    print(f"tidy: {len(files[:MAX_FILES])} files that differ from {commit[:8]}, {failures} with complaints")
     return 1 if failures else 0
 
 
