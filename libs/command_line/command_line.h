@@ -29,7 +29,4 @@ std::string ErrorPrefix(const std::string& program_name);
 // Other exceptions of callbacks pass.
 std::optional<int> ParseCommandLine(CLI::App* app, int argc, char** argv);
 
-// The candidate that a misspelt word was meant to be; empty if none is near.
-std::string NearestWord(const std::string& word, const std::vector<std::string>& candidates);
-
 }  // namespace mapmend

@@ -113,14 +113,5 @@ TEST_F(CommandLineTest, AProgramThatMapmendStartedSpeaksInItsName) {
   EXPECT_EQ(ErrorPrefix("submap_store"), "submap_store: ");
 }
 
-TEST(NearestWord, IsNearOrABeginning) {
-  const std::vector<std::string> words = {"run", "replay", "doctor", "--groundtruth", "--realtime"};
-  EXPECT_EQ(NearestWord("rn", words), "run");
-  EXPECT_EQ(NearestWord("docter", words), "doctor");
-  EXPECT_EQ(NearestWord("erplay", words), "replay");
-  EXPECT_EQ(NearestWord("--ground", words), "--groundtruth");
-  EXPECT_EQ(NearestWord("fly", words), "");
-}
-
 }  // namespace
 }  // namespace mapmend

@@ -1,0 +1,18 @@
+#include "libs/base/nearest_word.h"
+
+#include <gtest/gtest.h>
+
+namespace mapmend {
+namespace {
+
+TEST(NearestWord, IsNearOrABeginning) {
+  const std::vector<std::string> words = {"run", "replay", "doctor", "--groundtruth", "--realtime"};
+  EXPECT_EQ(NearestWord("rn", words), "run");
+  EXPECT_EQ(NearestWord("docter", words), "doctor");
+  EXPECT_EQ(NearestWord("erplay", words), "replay");
+  EXPECT_EQ(NearestWord("--ground", words), "--groundtruth");
+  EXPECT_EQ(NearestWord("fly", words), "");
+}
+
+}  // namespace
+}  // namespace mapmend
