@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/geometry/camera.h"
 #include "libs/stream/records.h"
 #include "procs/frontend/keyframe_policy.h"
@@ -33,6 +34,22 @@ struct FrontendOptions {
   int confirm_frames = 2;          // frames that must be tracked in a new submap before it is believed
   bool mapping_thread = false;     // keyframes join the map while tracking goes on: fast, but the map depends on timing
   int max_unmapped_keyframes = 2;  // with mapping_thread: when more are not finished, tracking waits
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("starter", starter);
+    v("tracker", tracker);
+    v("mapper", mapper);
+    v("motion", motion);
+    v("keyframes", keyframes);
+    v("diagnosis", diagnosis);
+    v("publishing", publishing);
+    v("max_lost_frames", max_lost_frames, Range(1, 1000));
+    v("relocalisation_frames", relocalisation_frames, Range(0, 100000));
+    v("jump_found_share", jump_found_share, Range(0, 1));
+    v("confirm_frames", confirm_frames, Range(0, 1000));
+    v("max_unmapped_keyframes", max_unmapped_keyframes, Range(1, 1000));
+  }
 };
 
 enum class FrontendState { kInitialising, kTracking, kLost };

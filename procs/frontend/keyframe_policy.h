@@ -1,5 +1,6 @@
 #pragma once
 
+#include "libs/base/range.h"
 #include "procs/frontend/frame.h"
 #include "procs/frontend/working_map.h"
 
@@ -12,6 +13,16 @@ struct KeyframePolicyOptions {
   int urgent_inliers = 50;        // fewer: the submap might be lost without a keyframe
   int solid_observations = 3;     // keyframes that must see a point for it to count as solid ...
   int solid_early = 2;            // ... as long as the submap has no more keyframes than this
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("min_shared", min_shared, Range(0, 1));
+    v("comfortable_inliers", comfortable_inliers, Range(0, 100000));
+    v("max_angle_deg", max_angle_deg, Range(0.1, 45), "degrees");
+    v("urgent_inliers", urgent_inliers, Range(0, 100000));
+    v("solid_observations", solid_observations, Range(1, 100));
+    v("solid_early", solid_early, Range(1, 100));
+  }
 };
 
 // What is known of a frame that was tracked, beside the keyframe that shares most points with it.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "libs/base/range.h"
 #include "procs/frontend/frame.h"
 #include "procs/frontend/initializer.h"
 #include "procs/frontend/loss_reason.h"
@@ -13,6 +14,15 @@ struct LossDiagnosisOptions {
   double unsharp = 3;     // the same without a good frame before: mean absolute Laplacian, grey levels
   int small_image = 200;  // pixels: poses from narrower images are too uncertain to be believed
   int min_features = 60;  // fewer: nothing could be matched
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("dark", dark, Range(0, 255), "grey levels");
+    v("blurred", blurred, Range(0, 1));
+    v("unsharp", unsharp, Range(0, 255), "grey levels");
+    v("small_image", small_image, Range(0, 100000), "pixels");
+    v("min_features", min_features, Range(0, 100000));
+  }
 };
 
 // Why a frame has no pose. What is wrong with the image itself comes before what is wrong between images.

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "libs/base/range.h"
 #include "procs/frontend/frame.h"
 
 namespace mapmend {
@@ -12,6 +13,14 @@ struct MotionModelOptions {
   double max_jump = 0.15;       // a step of this share of the scene's depth ...
   double max_jump_ratio = 5;    // ... and so many times the last step is a jump
   double gap_ratio = 5;         // time since the last frame, of the usual time between frames: images are missing
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("max_time_ratio", max_time_ratio, Range(0, 100));
+    v("max_jump", max_jump, Range(0, 100));
+    v("max_jump_ratio", max_jump_ratio, Range(1, 1000));
+    v("gap_ratio", gap_ratio, Range(1, 10000));
+  }
 };
 
 // Where the camera will be if it goes on as between the last two frames: constant velocity and turn.

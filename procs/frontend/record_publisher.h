@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/stream/records.h"
 #include "procs/frontend/loss_reason.h"
 #include "procs/frontend/working_map.h"
@@ -18,6 +19,12 @@ struct RecordPublisherOptions {
   // first of them is so old: what was tracked must not be lost with the frontend.
   int max_waiting_frames = 30;
   double max_waiting_s = 0.4;
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("max_waiting_frames", max_waiting_frames, Range(1, 100000));
+    v("max_waiting_s", max_waiting_s, Range(0, 3600), "s");
+  }
 };
 
 // Makes records of the stream of what happens to the submap that is tracked. Nothing of a submap is published before it

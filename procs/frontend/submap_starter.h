@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include "libs/base/range.h"
 #include "libs/geometry/camera.h"
 #include "procs/frontend/initializer.h"
 #include "procs/frontend/keyframe_policy.h"
@@ -14,6 +15,12 @@ namespace mapmend {
 struct SubmapStarterOptions {
   InitializerOptions initializer;
   int max_misses = 3;  // frames before the beginning without a pose, one after the other, that end the way back
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("initializer", initializer);
+    v("max_misses", max_misses, Range(1, 1000));
+  }
 };
 
 // The beginning of a submap (paper §3.1, §3.2): two frames that see the same ground from different places become its
