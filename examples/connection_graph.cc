@@ -1,6 +1,7 @@
 // Which submaps of a map in pieces belong together, and by which connections? Reads connections, one a line,
 //     submap submap F M theta_deg
-// from the standard input, and prints the strongest forest: Kruskal on the connection strengths (paper sections 3.4, 3.5).
+// from the standard input, and prints the strongest forest: Kruskal on the connection strengths (paper sections 3.4 and
+// 3.5).
 //     $ printf 'A B 3 50 10\nB C 1 10 5\nA C 4 60 20\nD E 2 30 10\n' | connection_graph
 
 #include <iostream>
