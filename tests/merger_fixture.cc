@@ -23,7 +23,7 @@ std::vector<BowProposal> BruteForceBow::Query(const BowQuestion& question) {
     const bool same = r.header.session == question.session && k->submap == query->submap;
     if (same && (!question.same_submap || std::abs(k->keyframe.value - question.keyframe.value) < 6)) continue;
     const double score = BowScore(query->bow, k->bow);
-    if (score > 0.05) proposals.push_back({r.header.session, k->submap, k->keyframe, score});
+    if (score > 0.05) proposals.push_back({r.header.session, k->submap, k->keyframe, static_cast<float>(score)});
   }
   std::stable_sort(proposals.begin(), proposals.end(),
                    [](const BowProposal& l, const BowProposal& r) { return l.group_score > r.group_score; });

@@ -14,23 +14,9 @@
 #include "libs/connecting/keyframe_cache.h"
 #include "libs/connecting/neighbors_in_time.h"
 #include "libs/connecting/submap_pair.h"
+#include "libs/stream/store_questions.h"
 
 namespace mapmend {
-
-// Which keyframes may see what this one sees? (paper §3.3)
-struct BowQuestion {
-  std::string session;
-  KeyframeId keyframe;
-  std::vector<StreamCursor> cursors;  // answer as of exactly these records
-  int max_results = 20;
-  bool same_submap = false;
-};
-struct BowProposal {
-  std::string session;
-  SubmapId submap;
-  KeyframeId keyframe;
-  double group_score = 0;
-};
 
 // Where the search asks for proposals: the store, over the bus; in tests, anything.
 class BowSource {

@@ -102,4 +102,13 @@ struct Record {
   RecordBody body;
 };
 
+// A record as it is published, stored and sent again.
+struct EncodedRecord {
+  std::string session;
+  int64_t seq = -1;
+  std::string channel;  // without prefix
+  std::vector<uint8_t> data;
+  bool operator==(const EncodedRecord&) const = default;
+};
+
 }  // namespace mapmend

@@ -204,6 +204,10 @@ bool IsRecordChannel(const std::string& channel) {
          channel == channels::kMapUpdate;
 }
 
+DecodedRecord DecodeRecord(const EncodedRecord& record) {
+  return DecodeRecord(record.channel, record.data.data(), static_cast<int>(record.data.size()));
+}
+
 DecodedRecord DecodeRecord(const std::string& channel, const uint8_t* data, int size) {
   DecodedRecord result;
   try {

@@ -10,13 +10,6 @@
 // agree, ids, octaves and finiteness are checked.
 namespace mapmend {
 
-struct EncodedRecord {
-  std::string session;
-  int64_t seq = -1;
-  std::string channel;  // without prefix
-  std::vector<uint8_t> data;
-};
-
 EncodedRecord EncodeRecord(const Record& record);
 
 struct DecodedRecord {
@@ -25,6 +18,7 @@ struct DecodedRecord {
 };
 // Never throws for bad bytes.
 DecodedRecord DecodeRecord(const std::string& channel, const uint8_t* data, int size);
+DecodedRecord DecodeRecord(const EncodedRecord& record);
 
 // The header alone, which stands first in every record behind the type's hash. nullopt if it is not valid.
 std::optional<RecordHeader> PeekHeader(const uint8_t* data, int size);

@@ -231,7 +231,7 @@ graph_request_t ToMessage(const GraphRequest& request) {
   return message;
 }
 
-GraphRequest Read(const graph_request_t& m) { return {m.id, m.requester}; }
+GraphRequest Read(const graph_request_t& m) { return {{m.id, m.requester}}; }
 
 graph_t ToMessage(const GraphReply& reply) {
   graph_t message{};
@@ -245,7 +245,7 @@ graph_t ToMessage(const GraphReply& reply) {
 }
 
 GraphReply Read(const graph_t& m) {
-  return {m.id, m.requester, Read(m.transforms), m.num_decisions, Read(m.connections)};
+  return {{m.id, m.requester}, Read(m.transforms), m.num_decisions, Read(m.connections)};
 }
 
 }  // namespace

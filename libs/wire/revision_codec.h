@@ -1,11 +1,11 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 #include <vector>
 
 #include "libs/bus/bus.h"
 #include "libs/stream/revision.h"
+#include "libs/stream/store_questions.h"
 
 // What the merger says, to and from its wire form. Decode treats the bytes as untrusted: session names, ids, counts that
 // must agree, finite values, unit quaternions and positive scales are checked; the error names the field. What was
@@ -27,14 +27,10 @@ struct RevisionPart {  // MAPMEND_REVISION_PART
 };
 
 // MAPMEND_GRAPH_REQUEST and MAPMEND_GRAPH: the connection graph as the merger knows it now.
-struct GraphRequest {
-  int64_t id = 0;  // chosen by the requester, repeated in the answer
-  std::string requester;
+struct GraphRequest : Addressed {
   bool operator==(const GraphRequest&) const = default;
 };
-struct GraphReply {
-  int64_t id = 0;
-  std::string requester;
+struct GraphReply : Addressed {
   MergedTransforms transforms;
   int num_decisions = 0;  // decisions of people that are heeded in it
   std::vector<EvaluatedConnection> connections;

@@ -2,25 +2,13 @@
 
 #include <algorithm>
 #include <chrono>
-#include <mapmend/bow_query_t.hpp>
-#include <mapmend/bow_result_t.hpp>
-#include <mapmend/close_session_t.hpp>
-#include <mapmend/edge_decisions_t.hpp>
-#include <mapmend/edge_request_t.hpp>
-#include <mapmend/fetch_t.hpp>
-#include <mapmend/fetched_t.hpp>
-#include <mapmend/progress_request_t.hpp>
-#include <mapmend/progress_t.hpp>
-#include <mapmend/revision_ack_t.hpp>
-#include <mapmend/revision_fetch_t.hpp>
-#include <mapmend/revision_fetched_t.hpp>
-#include <mapmend/session_closed_t.hpp>
 #include <set>
 #include <utility>
 
 #include "libs/base/backoff.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/requests.h"
+#include "libs/wire/query_codec.h"
 #include "libs/wire/revision_codec.h"
 
 namespace mapmend {
@@ -42,12 +30,12 @@ int RemainingMs(Clock::time_point deadline) {
 
 struct StoreClient::Impl {
   Bus* bus;
-  Requests<bow_query_t, bow_result_t> queries;
-  Requests<fetch_t, fetched_t> fetches;
-  Requests<revision_fetch_t, revision_fetched_t> revision_fetches;
-  Requests<close_session_t, session_closed_t> closings;
-  Requests<progress_request_t, progress_t> progress_requests;
-  Requests<edge_request_t, edge_decisions_t> edge_requests;
+  Requests<BowQuery, BowAnswer> queries;
+  Requests<FetchRequest, FetchAnswer> fetches;
+  Requests<RevisionRequest, RevisionAnswer> revision_fetches;
+  Requests<CloseRequest, CloseAnswer> closings;
+  Requests<ProgressRequest, SessionProgress> progress_requests;
+  Requests<EdgeRequest, EdgeAnswer> edge_requests;
   std::set<int32_t> unacknowledged;  // parts of the revision that is being stored
   int64_t storing_revision = -1;
   Subscription revision_acks;
@@ -61,7 +49,7 @@ struct StoreClient::Impl {
         progress_requests(b, requester, channels::kProgressRequest, channels::kProgress),
         edge_requests(b, requester, channels::kEdgeRequest, channels::kEdgeDecisions) {
     revision_acks =
-        bus->Subscribe<revision_ack_t>(channels::kRevisionAck, Delivery::kKeepAll, [this](const revision_ack_t& ack) {
+        bus->Subscribe<RevisionAck>(channels::kRevisionAck, Delivery::kKeepAll, [this](const RevisionAck& ack) {
           if (ack.revision == storing_revision) unacknowledged.erase(ack.part);
         });
   }
@@ -86,47 +74,29 @@ StoreClient::StoreClient(Bus* bus, const std::string& requester) : impl_(std::ma
 
 StoreClient::~StoreClient() = default;
 
-std::optional<bow_result_t> StoreClient::Query(bow_query_t query, int timeout_ms) {
-  return impl_->AskUntil(&impl_->queries, query, timeout_ms,
-                         [](const bow_result_t& result) { return result.status != bow_result_t::NOT_YET; });
+std::optional<BowAnswer> StoreClient::Query(const BowQuestion& question, int timeout_ms) {
+  return impl_->AskUntil(&impl_->queries, BowQuery{{}, question}, timeout_ms,
+                         [](const BowAnswer& answer) { return answer.status != BowAnswer::Status::kNotYet; });
 }
 
-std::optional<fetched_t> StoreClient::Fetch(fetch_t request, int timeout_ms) {
+std::optional<FetchAnswer> StoreClient::Fetch(FetchRequest request, int timeout_ms) {
   return impl_->fetches.Ask(std::move(request), timeout_ms);
 }
 
-std::optional<progress_t> StoreClient::AskProgress(const std::string& session, int timeout_ms) {
-  progress_request_t request{};
-  request.session = session;
-  return impl_->progress_requests.Ask(std::move(request), timeout_ms);
+std::optional<SessionProgress> StoreClient::AskProgress(const std::string& session, int timeout_ms) {
+  return impl_->progress_requests.Ask(ProgressRequest{{}, session}, timeout_ms);
 }
 
-std::optional<session_closed_t> StoreClient::CloseSession(const std::string& session, int timeout_ms) {
-  close_session_t request{};
-  request.session = session;
-  return impl_->AskUntil(&impl_->closings, request, timeout_ms,
-                         [](const session_closed_t& reply) { return reply.status != session_closed_t::STILL_ALIVE; });
+std::optional<CloseAnswer> StoreClient::CloseSession(const std::string& session, int timeout_ms) {
+  return impl_->AskUntil(&impl_->closings, CloseRequest{{}, session}, timeout_ms,
+                         [](const CloseAnswer& answer) { return answer.status != CloseAnswer::Status::kStillAlive; });
 }
 
 std::optional<std::vector<EdgeDecision>> StoreClient::DecideEdges(const std::vector<EdgeDecision>& decisions,
                                                                   int timeout_ms) {
-  edge_request_t request{};
-  for (const EdgeDecision& d : decisions) {
-    edge_decision_t message{};
-    message.session_a = d.a.session;
-    message.submap_a = d.a.submap.value;
-    message.session_b = d.b.session;
-    message.submap_b = d.b.submap.value;
-    message.disabled = d.disabled ? 1 : 0;
-    request.decisions.push_back(message);
-  }
-  request.num_decisions = static_cast<int32_t>(decisions.size());
-  const auto reply = impl_->edge_requests.Ask(std::move(request), timeout_ms);
-  if (!reply) return std::nullopt;
-  std::vector<EdgeDecision> all;
-  for (const edge_decision_t& d : reply->decisions)
-    all.push_back({{d.session_a, SubmapId(d.submap_a)}, {d.session_b, SubmapId(d.submap_b)}, d.disabled != 0});
-  return all;
+  std::optional<EdgeAnswer> answer = impl_->edge_requests.Ask(EdgeRequest{{}, decisions}, timeout_ms);
+  if (!answer) return std::nullopt;
+  return std::move(answer->decisions);
 }
 
 bool StoreClient::StoreRevision(const MapRevision& revision, int timeout_ms) {
@@ -176,15 +146,12 @@ bool StoreClient::StoreRevision(const MapRevision& revision, int timeout_ms) {
 StoreClient::FetchedRevision StoreClient::FetchRevision(int64_t number, int timeout_ms) {
   FetchedRevision result;
   const auto ask = [&](int64_t wanted, int32_t part) {
-    revision_fetch_t request{};
-    request.revision = wanted;
-    request.part = part;
-    return impl_->revision_fetches.Ask(std::move(request), timeout_ms);
+    return impl_->revision_fetches.Ask(RevisionRequest{{}, wanted, part}, timeout_ms);
   };
   auto reply = ask(number, -1);
   if (!reply) return result;
   result.status = RevisionStatus::kNone;
-  if (reply->status != revision_fetched_t::OK) return result;
+  if (reply->status != RevisionAnswer::Status::kOk) return result;
   const int64_t found = result.number = reply->revision;
   Decoded<RevisionHead> head = Decode<RevisionHead>(reply->data);
   result.error = head.error;
@@ -193,7 +160,7 @@ StoreClient::FetchedRevision StoreClient::FetchRevision(int64_t number, int time
   for (int i = 0; i < head.value->num_parts; ++i) {
     reply = ask(found, i);
     if (!reply) return {RevisionStatus::kNoAnswer, found, {}, ""};
-    if (reply->status != revision_fetched_t::OK || reply->revision != found) return result;
+    if (reply->status != RevisionAnswer::Status::kOk || reply->revision != found) return result;
     Decoded<RevisionPart> part = Decode<RevisionPart>(reply->data);
     result.error = part.error;
     if (part.value && part.value->revision != revision.transforms.revision) result.error = "a part is of another revision";

@@ -7,16 +7,9 @@
 
 #include "libs/bus/bus.h"
 #include "libs/stream/revision.h"
+#include "libs/stream/store_questions.h"
 
 namespace mapmend {
-class bow_query_t;
-class bow_result_t;
-class edge_decision_t;
-class edge_decisions_t;
-class fetch_t;
-class fetched_t;
-class progress_t;
-class session_closed_t;
 
 // Requests to the store by id, with time-out and retry (requests.h). Synchronous: each call runs the bus's Handle until
 // the reply is there (so other handlers of the bus run meanwhile and must not call back into the client). Whoever calls
@@ -26,9 +19,9 @@ class StoreClient {
   StoreClient(Bus* bus, const std::string& requester);  // requester: unique on the bus, e.g. "merger-<pid>"
   ~StoreClient();
 
-  // id and requester are filled in. NOT_YET answers are retried until timeout_ms. nullopt: no answer in time.
-  std::optional<bow_result_t> Query(bow_query_t query, int timeout_ms = 10000);
-  std::optional<fetched_t> Fetch(fetch_t request, int timeout_ms = 10000);
+  // id and requester are filled in. The answer "not yet" is asked again until timeout_ms. nullopt: no answer in time.
+  std::optional<BowAnswer> Query(const BowQuestion& question, int timeout_ms = 10000);
+  std::optional<FetchAnswer> Fetch(FetchRequest request, int timeout_ms = 10000);
   // Sends a revision, head and parts, until each is acknowledged. False if not in time.
   bool StoreRevision(const MapRevision& revision, int timeout_ms = 30000);
   // Reads a stored revision with all its parts. number -1: the newest whose parts are all stored.
@@ -44,10 +37,10 @@ class StoreClient {
   // in time.
   std::optional<std::vector<EdgeDecision>> DecideEdges(const std::vector<EdgeDecision>& decisions,
                                                        int timeout_ms = 10000);
-  // How far a session has come (progress_t.lcm). nullopt: no answer in time.
-  std::optional<progress_t> AskProgress(const std::string& session, int timeout_ms = 10000);
-  // Ends a session whose frontend died (close_session_t.lcm). nullopt: no answer in time.
-  std::optional<session_closed_t> CloseSession(const std::string& session, int timeout_ms = 10000);
+  // How far a session has come. nullopt: no answer in time.
+  std::optional<SessionProgress> AskProgress(const std::string& session, int timeout_ms = 10000);
+  // Ends a session whose frontend died. nullopt: no answer in time.
+  std::optional<CloseAnswer> CloseSession(const std::string& session, int timeout_ms = 10000);
 
  private:
   struct Impl;

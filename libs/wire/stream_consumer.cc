@@ -6,8 +6,6 @@
 #include <chrono>
 #include <map>
 #include <mapmend/ack_t.hpp>
-#include <mapmend/fetch_t.hpp>
-#include <mapmend/fetched_t.hpp>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -41,7 +39,7 @@ struct StreamConsumer::Impl {
     bool ended = false;
     std::map<int64_t, Waiting> live;  // heard on the bus, or fetched ahead
     int64_t live_bytes = 0;
-    std::optional<fetch_t> asked;  // without an answer yet; asked anew only as it was
+    std::optional<FetchRequest> asked;  // without an answer yet; asked anew only as it was
   };
 
   Bus* bus;
@@ -76,10 +74,10 @@ struct StreamConsumer::Impl {
   }
 
   // As Keep, but the store's word replaces what was heard.
-  void KeepFetched(SessionState* session, int64_t seq, const std::string& channel, const uint8_t* data, int64_t size) {
-    Waiting& waiting = session->live[seq];
-    session->live_bytes += size - static_cast<int64_t>(waiting.data.size());
-    waiting = {channel, std::vector<uint8_t>(data, data + size), true};
+  void KeepFetched(SessionState* session, const EncodedRecord& record) {
+    Waiting& waiting = session->live[record.seq];
+    session->live_bytes += static_cast<int64_t>(record.data.size()) - static_cast<int64_t>(waiting.data.size());
+    waiting = {record.channel, record.data, true};
   }
 
   void Forget(SessionState* session, int64_t seq) {
@@ -118,11 +116,11 @@ struct StreamConsumer::Impl {
       delivered_when_asked.emplace();
       for (const auto& session : sessions) (*delivered_when_asked)[session->id] = session->delivered;
     }
-    const auto reply = store->Fetch(fetch_t{}, kStoreTimeoutMs);
+    const auto reply = store->Fetch(FetchRequest{}, kStoreTimeoutMs);
     if (!reply) return;
     const std::map<std::string, int64_t> delivered = *std::exchange(delivered_when_asked, std::nullopt);
-    if (reply->status != fetched_t::OK) return;
-    for (const cursor_t& cursor : reply->sessions) {
+    if (reply->status != FetchAnswer::Status::kOk) return;
+    for (const StreamCursor& cursor : reply->sessions) {
       if (!IsSessionId(cursor.session)) continue;
       SessionState* session = FindOrAdd(cursor.session);
       session->committed = std::max(session->committed, cursor.seq);
@@ -151,36 +149,26 @@ struct StreamConsumer::Impl {
   // Gets the record after `delivered`; false if it cannot be had now.
   bool Obtain(SessionState* session) {
     if (!session->asked) {
-      fetch_t request{};
-      request.session = session->id;
-      request.first_seq = session->delivered + 1;
-      request.last_seq = session->committed;
-      request.max_bytes = kFetchBytes;
-      session->asked = request;
+      session->asked = FetchRequest{{}, session->id, session->delivered + 1, session->committed, kFetchBytes};
     }
     const auto reply = store->Fetch(*session->asked, kStoreTimeoutMs);
     if (!reply) return false;
     const int64_t asked_to = std::exchange(session->asked, std::nullopt)->last_seq;
-    if (reply->status != fetched_t::OK || reply->session != session->id) return false;
-    if (session->ended && (reply->ended == 0 || reply->num_records > 0)) RefuseToGoOn(*session);
-    int64_t offset = 0;
-    for (int32_t i = 0; i < reply->num_records; ++i) {
-      const int64_t size = reply->size[i];
-      if (size < 0 || offset + size > reply->num_bytes) return false;
-      if (i == 0 && reply->seq[0] > session->delivered + 1) {
-        // The store has no records in between: a hole that it has given up (its gap table).
-        spdlog::warn("session {}: records {} to {} are lost", session->id, session->delivered + 1, reply->seq[0] - 1);
-        SkipTo(session, reply->seq[0] - 1);
-      }
-      if (reply->seq[i] > session->delivered) {
-        KeepFetched(session, reply->seq[i], reply->channel[i], reply->data.data() + offset, size);
-      }
-      offset += size;
+    if (reply->status != FetchAnswer::Status::kOk || reply->session != session->id) return false;
+    if (session->ended && (!reply->ended || !reply->records.empty())) RefuseToGoOn(*session);
+    if (!reply->records.empty() && reply->records.front().seq > session->delivered + 1) {
+      // The store has no records in between: a hole that it has given up (its gap table).
+      const int64_t last_lost = reply->records.front().seq - 1;
+      spdlog::warn("session {}: records {} to {} are lost", session->id, session->delivered + 1, last_lost);
+      SkipTo(session, last_lost);
     }
-    if (reply->num_records == 0 && reply->cumulative >= asked_to && asked_to > session->delivered) {
+    for (const EncodedRecord& record : reply->records) {
+      if (record.seq > session->delivered) KeepFetched(session, record);
+    }
+    if (reply->records.empty() && reply->cumulative >= asked_to && asked_to > session->delivered) {
       SkipTo(session, asked_to);  // a hole at the end
     }
-    return reply->num_records > 0;
+    return !reply->records.empty();
   }
 
   int Deliver(SessionState* session, int max_records) {

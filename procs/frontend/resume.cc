@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <chrono>
-#include <mapmend/progress_t.hpp>
 #include <stdexcept>
 
 #include "libs/bus/bus.h"
@@ -27,14 +26,14 @@ ResumePoint FindResumePoint(const RunOptions& options, const std::string& sessio
   const auto begin = std::chrono::steady_clock::now();
   while (!StopRequested()) {
     health->Tick();
-    std::optional<progress_t> progress;
+    std::optional<SessionProgress> progress;
     if (sender->Flush(kWaitMs)) progress = store.AskProgress(session, 2 * kWaitMs);
     if (!progress) {
       if (std::chrono::steady_clock::now() - begin > std::chrono::seconds(1))
         health->SetState("starting", "waits for the store, to go on with session " + session);
       continue;
     }
-    if (progress->status != progress_t::OK) {
+    if (progress->status != SessionProgress::Status::kOk) {
       // What the outbox remembers went to another store.
       sender->ContinueAfter(-1);
       return {};
@@ -42,11 +41,11 @@ ResumePoint FindResumePoint(const RunOptions& options, const std::string& sessio
     sender->ContinueAfter(progress->cumulative);
     ResumePoint point;
     point.is_resumed = true;
-    point.ended = progress->ended != 0;
+    point.ended = progress->ended;
     point.ids.next_submap = progress->next_submap;
     point.ids.next_keyframe = progress->next_keyframe;
     point.ids.next_point = progress->next_point;
-    point.open_submap = progress->open_submap;
+    point.open_submap = progress->open_submap.value;
     point.last_frame = progress->last_frame;
     point.last_utime = progress->last_utime;
     spdlog::info("session {}: going on after record {}, frame {}", session, progress->cumulative, point.last_frame);

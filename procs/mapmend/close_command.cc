@@ -7,9 +7,6 @@
 #include "libs/bus/bus.h"
 #include "libs/bus/process.h"
 #include "libs/wire/store_client.h"
-#include "mapmend/fetch_t.hpp"
-#include "mapmend/fetched_t.hpp"
-#include "mapmend/session_closed_t.hpp"
 #include "procs/mapmend/commands.h"
 
 namespace mapmend {
@@ -22,17 +19,14 @@ struct CloseOptions {
 
 constexpr int kTimeoutMs = 10000;
 
-fetched_t Ask(StoreClient* store, const std::string& url, const fetch_t& request) {
+FetchAnswer Ask(StoreClient* store, const std::string& url, const FetchRequest& request) {
   auto reply = store->Fetch(request, kTimeoutMs);
   if (!reply) throw std::runtime_error("no store answers on " + url);
   return std::move(*reply);
 }
 
 bool HasEnded(StoreClient* store, const std::string& url, const std::string& session) {
-  fetch_t request{};
-  request.session = session;
-  request.max_bytes = 1;
-  return Ask(store, url, request).ended != 0;
+  return Ask(store, url, {{}, session, 0, 0, 1}).ended;
 }
 
 void Close(CloseOptions options) {
@@ -42,17 +36,17 @@ void Close(CloseOptions options) {
   StoreClient store(&bus, "close-" + std::to_string(getpid()));
   const bool all = options.sessions.empty();
   if (all) {
-    for (const cursor_t& cursor : Ask(&store, url, {}).sessions) options.sessions.push_back(cursor.session);
+    for (const StreamCursor& cursor : Ask(&store, url, {}).sessions) options.sessions.push_back(cursor.session);
   }
   int num_refused = 0;
   for (const std::string& session : options.sessions) {
     if (all && HasEnded(&store, url, session)) continue;
     const auto reply = store.CloseSession(session, kTimeoutMs);
     if (!reply) throw std::runtime_error("no store answers on " + url);
-    const bool is_closed = reply->status == session_closed_t::OK;
-    const char* what = is_closed                                            ? "closed"
-                       : reply->status == session_closed_t::UNKNOWN_SESSION ? "is not in the store"
-                                                                            : "still flies, left open";
+    const bool is_closed = reply->status == CloseAnswer::Status::kOk;
+    const char* what = is_closed                                               ? "closed"
+                       : reply->status == CloseAnswer::Status::kUnknownSession ? "is not in the store"
+                                                                               : "still flies, left open";
     std::printf("%s: %s\n", session.c_str(), what);
     if (!is_closed && !all) ++num_refused;
   }

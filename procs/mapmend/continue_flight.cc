@@ -4,9 +4,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <mapmend/fetch_t.hpp>
-#include <mapmend/fetched_t.hpp>
-#include <mapmend/progress_t.hpp>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
@@ -21,13 +18,10 @@ namespace {
 
 // The session's first record; nullopt if it is lost.
 std::optional<SessionStarted> ReadStart(StoreClient* store, const std::string& session) {
-  fetch_t request{};
-  request.session = session;
-  request.max_bytes = 1;
-  const auto reply = store->Fetch(request);
+  const auto reply = store->Fetch({{}, session, 0, 0, 1});
   if (!reply) throw std::runtime_error("the submap store does not answer");
-  if (reply->num_records != 1) return std::nullopt;
-  DecodedRecord decoded = DecodeRecord(reply->channel[0], reply->data.data(), reply->size[0]);
+  if (reply->records.size() != 1) return std::nullopt;
+  DecodedRecord decoded = DecodeRecord(reply->records[0]);
   if (!decoded.record) return std::nullopt;
   if (auto* start = std::get_if<SessionStarted>(&decoded.record->body)) return std::move(*start);
   return std::nullopt;
@@ -71,7 +65,7 @@ FlightPart FindFlightPart(Backend* backend, const RunOptions& options, const std
   const auto progress = store.AskProgress(last);
   if (!progress) throw std::runtime_error("the submap store does not answer");
   part.first_frame = std::max(FirstFrameOf(start), progress->last_frame + 1);
-  if (progress->ended == 0) {
+  if (!progress->ended) {
     part.session = last;
     // A session that continues another one keeps saying so.
     const auto settings = nlohmann::json::parse(start.settings_json, nullptr, false);

@@ -4,9 +4,6 @@
 #include <chrono>
 #include <cstdio>
 #include <map>
-#include <mapmend/cursor_t.hpp>
-#include <mapmend/fetch_t.hpp>
-#include <mapmend/fetched_t.hpp>
 #include <memory>
 #include <stdexcept>
 
@@ -42,10 +39,10 @@ std::string LiveUrl(const std::string& map) {
 }
 
 std::vector<std::string> SessionOrder(StoreClient* store) {
-  const auto reply = store->Fetch(fetch_t{});
+  const auto reply = store->Fetch(FetchRequest{});
   if (!reply) throw std::runtime_error("the store does not answer");
   std::vector<std::string> sessions;
-  for (const cursor_t& cursor : reply->sessions) sessions.push_back(cursor.session);
+  for (const StreamCursor& cursor : reply->sessions) sessions.push_back(cursor.session);
   return sessions;
 }
 

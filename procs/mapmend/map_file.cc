@@ -11,9 +11,6 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <mapmend/cursor_t.hpp>
-#include <mapmend/fetch_t.hpp>
-#include <mapmend/fetched_t.hpp>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <thread>
@@ -186,9 +183,9 @@ std::string MapFile::Finish(const std::function<void(const std::string&)>& show)
   std::vector<std::pair<std::string, int64_t>> sessions;
   {
     StoreClient store(backend_->bus(), "map_file-" + std::to_string(getpid()));
-    const auto reply = store.Fetch(fetch_t{});
+    const auto reply = store.Fetch(FetchRequest{});
     if (!reply) throw std::runtime_error(options_.place.db + ": the store does not answer");
-    for (const cursor_t& cursor : reply->sessions) sessions.emplace_back(cursor.session, cursor.seq);
+    for (const StreamCursor& cursor : reply->sessions) sessions.emplace_back(cursor.session, cursor.seq);
     if (sessions.empty()) throw std::runtime_error(options_.place.db + ": holds no flight");
     if (!options_.with_merger && !store.FetchRevision(-1).revision.transforms.is_final) {
       throw std::runtime_error(options_.place.db + ": holds no final merged map; `mapmend merge` makes one");

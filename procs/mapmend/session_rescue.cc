@@ -5,11 +5,6 @@
 #include <chrono>
 #include <filesystem>
 #include <future>
-#include <mapmend/cursor_t.hpp>
-#include <mapmend/fetch_t.hpp>
-#include <mapmend/fetched_t.hpp>
-#include <mapmend/progress_t.hpp>
-#include <mapmend/session_closed_t.hpp>
 #include <optional>
 #include <stdexcept>
 
@@ -95,8 +90,8 @@ std::optional<int64_t> RescueSession(Backend* backend, const std::string& sessio
   const auto deadline = Clock::now() + milliseconds(kAliveTimeoutMs);
   while (Clock::now() < deadline) {
     const auto closed = client.CloseSession(session, kTimeoutMs);
-    if (closed && closed->status == session_closed_t::OK) return closed->cumulative;
-    if (closed && closed->status == session_closed_t::UNKNOWN_SESSION) return std::nullopt;
+    if (closed && closed->status == CloseAnswer::Status::kOk) return closed->cumulative;
+    if (closed && closed->status == CloseAnswer::Status::kUnknownSession) return std::nullopt;
     backend->Tick(200);
   }
   return std::nullopt;
@@ -107,13 +102,9 @@ RescueReport CloseSessions(Backend* backend, const std::set<std::string>& except
   StoreClient client(backend->bus(), ClientName());
   for (const auto& [session, last] : ListSessions(backend->bus())) {
     if (except.contains(session)) continue;
-    fetch_t request{};
-    request.session = session;
-    request.first_seq = request.last_seq = last;
-    request.max_bytes = 1;
-    const auto reply = client.Fetch(request);
+    const auto reply = client.Fetch({{}, session, last, last, 1});
     if (!reply) throw std::runtime_error(StoreProblem(*backend));
-    if (reply->ended != 0) continue;
+    if (reply->ended) continue;
     if (!RescueSession(backend, session))
       throw std::runtime_error("session " + session + " cannot be closed: " + StoreProblem(*backend));
     const auto progress = client.AskProgress(session);
@@ -136,10 +127,10 @@ RescueReport RescueFolder(Backend* backend, const std::string& folder) {
 
 std::vector<StoredSession> ListSessions(Bus* bus) {
   StoreClient client(bus, "launcher-" + std::to_string(getpid()));
-  const auto reply = client.Fetch(fetch_t{});
+  const auto reply = client.Fetch(FetchRequest{});
   if (!reply) throw std::runtime_error("the submap store does not answer");
   std::vector<StoredSession> sessions;
-  for (const cursor_t& cursor : reply->sessions) sessions.push_back({cursor.session, cursor.seq});
+  for (const StreamCursor& cursor : reply->sessions) sessions.push_back({cursor.session, cursor.seq});
   return sessions;
 }
 

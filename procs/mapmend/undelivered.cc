@@ -5,7 +5,6 @@
 
 #include <chrono>
 #include <filesystem>
-#include <mapmend/session_closed_t.hpp>
 #include <stdexcept>
 #include <vector>
 
@@ -88,7 +87,7 @@ bool Undelivered::Deliver(Bus* bus, StoreClient* store, const std::string& path)
   if (is_flying_ && id == flying_) return false;
   if (!session.empty() && !DeliverOutbox(bus, path, kPatienceMs)) return false;
   const auto closed = store->CloseSession(id, kPatienceMs);
-  return closed && closed->status != session_closed_t::STILL_ALIVE;
+  return closed && closed->status != CloseAnswer::Status::kStillAlive;
 }
 
 }  // namespace mapmend

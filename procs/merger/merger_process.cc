@@ -6,11 +6,6 @@
 
 #include <algorithm>
 #include <functional>
-#include <mapmend/bow_query_t.hpp>
-#include <mapmend/bow_result_t.hpp>
-#include <mapmend/edge_decisions_t.hpp>
-#include <mapmend/fetch_t.hpp>
-#include <mapmend/fetched_t.hpp>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -23,6 +18,7 @@
 #include "libs/retrieval/vocabulary.h"
 #include "libs/stream/tree_changes.h"
 #include "libs/wire/codec.h"
+#include "libs/wire/query_codec.h"
 #include "libs/wire/revision_codec.h"
 #include "libs/wire/store_client.h"
 #include "libs/wire/stream_consumer.h"
@@ -36,31 +32,16 @@ class StoreBowSource : public BowSource {
   explicit StoreBowSource(StoreClient* client) : client_(client) {}
 
   std::vector<BowProposal> Query(const BowQuestion& question) override {
-    bow_query_t query{};
-    query.session = question.session;
-    query.keyframe = question.keyframe.value;
-    for (const StreamCursor& c : question.cursors) {
-      cursor_t cursor{};
-      cursor.session = c.session;
-      cursor.seq = c.seq;
-      query.cursors.push_back(cursor);
-    }
-    query.num_cursors = static_cast<int32_t>(query.cursors.size());
-    query.max_results = question.max_results;
-    query.same_submap = question.same_submap ? 1 : 0;
     for (;;) {
-      const std::optional<bow_result_t> result = client_->Query(query);
-      if (result) {
+      std::optional<BowAnswer> answer = client_->Query(question);
+      if (answer) {
         // Whatever the store cannot answer it cannot answer later either; skipping is the same on every run.
-        if (result->status != bow_result_t::OK) {
-          spdlog::warn("merger: the store cannot search for keyframe {} (status {})", query.keyframe, result->status);
+        if (answer->status != BowAnswer::Status::kOk) {
+          spdlog::warn("merger: the store cannot search for keyframe {} (status {})", question.keyframe.value,
+                       static_cast<int>(answer->status));
           return {};
         }
-        std::vector<BowProposal> proposals;
-        for (const bow_candidate_t& c : result->candidates) {
-          proposals.push_back({c.session, SubmapId(c.submap), KeyframeId(c.keyframe), c.group_score});
-        }
-        return proposals;
+        return std::move(answer->proposals);
       }
       // Going on without an answer would make the map depend on the outage: wait for the store.
       if (StopRequested()) throw std::runtime_error("stopped while waiting for the store");
@@ -78,22 +59,20 @@ class StoreKeyframeSource : public KeyframeSource {
       : client_(client), give_up_(std::move(give_up)) {}
 
   KeyframeRecord Read(const std::string& session, int64_t seq) override {
-    fetch_t request{};
-    request.session = session;
-    request.first_seq = request.last_seq = seq;
-    request.max_bytes = 1;  // at least one record is sent
+    const FetchRequest request{{}, session, seq, seq, 1};  // at least one record is sent
     while (!give_up_()) {
       constexpr int kTimeoutMs = 2000;
-      const std::optional<fetched_t> reply = client_->Fetch(request, kTimeoutMs);
-      if (reply && reply->status == fetched_t::OK && reply->num_records == 1 && reply->seq[0] == seq) {
-        DecodedRecord decoded = DecodeRecord(reply->channel[0], reply->data.data(), reply->size[0]);
+      const std::optional<FetchAnswer> reply = client_->Fetch(request, kTimeoutMs);
+      const bool is_ok = reply && reply->status == FetchAnswer::Status::kOk;
+      if (is_ok && reply->records.size() == 1 && reply->records[0].seq == seq) {
+        DecodedRecord decoded = DecodeRecord(reply->records[0]);
         if (auto* keyframe = decoded.record ? std::get_if<KeyframeRecord>(&decoded.record->body) : nullptr) {
           return std::move(*keyframe);
         }
         throw std::runtime_error("the store has no keyframe under record " + std::to_string(seq) + " of session " +
                                  session);
       }
-      if (reply && reply->status == fetched_t::OK)
+      if (is_ok)
         throw std::runtime_error("the store no longer has record " + std::to_string(seq) + " of session " + session);
       spdlog::warn("merger: the store does not answer, trying again");
     }
@@ -195,8 +174,8 @@ class MergerLoop {
         merger_(merger_options, &bow_, &output_, &keyframes_),
         consumer_(bus, &client_, [this](const Record& record) { OnRecord(record); }) {
     subscriptions_.push_back(
-        bus->Subscribe<edge_decisions_t>(channels::kEdgeDecisions, Delivery::kKeepAll,
-                                         [this](const edge_decisions_t& decisions) { OnDecisions(decisions); }));
+        bus->Subscribe<EdgeAnswer>(channels::kEdgeDecisions, Delivery::kKeepAll,
+                                   [this](const EdgeAnswer& answer) { OnDecisions(answer.decisions); }));
     subscriptions_.push_back(
         bus->SubscribeRaw(channels::kKeyframe, Delivery::kKeepAll, [this](const uint8_t* data, int size) {
           if (const auto header = PeekHeader(data, size)) latency_.OnHeard(header->session, header->seq);
@@ -250,13 +229,9 @@ class MergerLoop {
   }
 
   // In handlers only noted: they may run in the middle of an evaluation that waits for the store.
-  void OnDecisions(const edge_decisions_t& message) {
-    if (message.decisions.size() < decisions_.size())
-      return;  // decisions are only ever added: an answer that came late
-    decisions_.clear();
-    for (const edge_decision_t& d : message.decisions) {
-      decisions_.push_back({{d.session_a, SubmapId(d.submap_a)}, {d.session_b, SubmapId(d.submap_b)}, d.disabled != 0});
-    }
+  void OnDecisions(const std::vector<EdgeDecision>& decisions) {
+    // Decisions are only ever added: fewer are an answer that came late.
+    if (decisions.size() >= decisions_.size()) decisions_ = decisions;
   }
 
   // One that is repeated while it waits is answered once.
@@ -323,9 +298,8 @@ class MergerLoop {
 
   void Answer() {
     for (const GraphRequest& request : std::exchange(requests_, {})) {
-      bus_->Publish(channels::kGraph,
-                    GraphReply{request.id, request.requester, merger_.transforms(), merger_.graph().num_decisions(),
-                               AnnouncedAll(merger_.connections())});
+      bus_->Publish(channels::kGraph, GraphReply{request, merger_.transforms(), merger_.graph().num_decisions(),
+                                                 AnnouncedAll(merger_.connections())});
     }
   }
 

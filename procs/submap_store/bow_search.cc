@@ -127,24 +127,23 @@ std::vector<int32_t> BowSearch::Covisible(const std::string& requester, int32_t 
   return ToHandles(submap.first, CovisibleKeyframes(AsOf(requester, submap, seq), KeyframeId(entry.keyframe)));
 }
 
-bow_result_t BowSearch::Query(const bow_query_t& query) {
-  bow_result_t result{};
-  result.id = query.id;
-  result.requester = query.requester;
-  result.session = query.session;
-  result.keyframe = query.keyframe;
-  result.adjacent = result.nearby = -1;
-  const auto fail = [&](int8_t status) {
-    result.status = status;
-    return result;
+BowAnswer BowSearch::Query(const BowQuery& query) {
+  BowAnswer answer;
+  answer.id = query.id;
+  answer.requester = query.requester;
+  answer.session = query.session;
+  answer.keyframe = query.keyframe;
+  const auto fail = [&](BowAnswer::Status status) {
+    answer.status = status;
+    return answer;
   };
 
   IndexScope scope;
   scope.last_seq.assign(sessions_.empty() ? 0 : static_cast<size_t>(sessions_.rbegin()->first), -1);
-  for (const cursor_t& cursor : query.cursors) {
-    if (!IsSessionId(cursor.session)) return fail(bow_result_t::BAD_QUERY);
+  for (const StreamCursor& cursor : query.cursors) {
+    if (!IsSessionId(cursor.session)) return fail(BowAnswer::Status::kBadQuery);
     const SessionInfo* session = FindSession(cursor.session);
-    if (session == nullptr || cursor.seq > session->row.cumulative) return fail(bow_result_t::NOT_YET);
+    if (session == nullptr || cursor.seq > session->row.cumulative) return fail(BowAnswer::Status::kNotYet);
     scope.last_seq[static_cast<size_t>(IndexNumber(session->row.id))] = cursor.seq;
   }
   std::vector<std::pair<std::string, int32_t>> by_uuid;
@@ -155,18 +154,18 @@ bow_result_t BowSearch::Query(const bow_query_t& query) {
     scope.session_rank[static_cast<size_t>(by_uuid[i].second)] = static_cast<int32_t>(i);
 
   const SessionInfo* own = FindSession(query.session);
-  if (own == nullptr) return fail(bow_result_t::UNKNOWN_KEYFRAME);
+  if (own == nullptr) return fail(BowAnswer::Status::kUnknownKeyframe);
   const int64_t own_seq = scope.last_seq[static_cast<size_t>(IndexNumber(own->row.id))];
-  if (own_seq < 0) return fail(bow_result_t::BAD_QUERY);  // its own session must be among the cursors
-  const auto handle = own->handles.find(query.keyframe);
-  if (handle == own->handles.end()) return fail(bow_result_t::UNKNOWN_KEYFRAME);
+  if (own_seq < 0) return fail(BowAnswer::Status::kBadQuery);  // its own session must be among the cursors
+  const auto handle = own->handles.find(query.keyframe.value);
+  if (handle == own->handles.end()) return fail(BowAnswer::Status::kUnknownKeyframe);
   const IndexEntry entry = index_.Entry(handle->second);
-  if (entry.seq > own_seq || entry.removed_seq <= own_seq) return fail(bow_result_t::UNKNOWN_KEYFRAME);
+  if (entry.seq > own_seq || entry.removed_seq <= own_seq) return fail(BowAnswer::Status::kUnknownKeyframe);
 
   const Submap& submap = AsOf(query.requester, {own->row.id, SubmapId(entry.submap)}, own_seq);
-  const auto keyframe = submap.keyframes.find(KeyframeId(query.keyframe));
-  if (keyframe == submap.keyframes.end()) return fail(bow_result_t::UNKNOWN_KEYFRAME);
-  if (keyframe != submap.keyframes.begin()) result.adjacent = std::prev(keyframe)->first.value;
+  const auto keyframe = submap.keyframes.find(query.keyframe);
+  if (keyframe == submap.keyframes.end()) return fail(BowAnswer::Status::kUnknownKeyframe);
+  if (keyframe != submap.keyframes.begin()) answer.adjacent = std::prev(keyframe)->first;
   const int num_points = CountMapPoints(keyframe->second);
   std::vector<Overlap> overlaps;
   std::vector<KeyframeId> covisible;
@@ -174,26 +173,26 @@ bow_result_t BowSearch::Query(const bow_query_t& query) {
     overlaps.push_back({id.value, static_cast<double>(shared) / num_points});
     if (shared >= kMinCovisible) covisible.push_back(id);
   }
-  result.nearby = ChooseNearby(overlaps, result.adjacent, threshold_options_);
+  answer.nearby = KeyframeId(ChooseNearby(overlaps, answer.adjacent.value, threshold_options_));
 
   const BowVector& bow = index_.Bow(handle->second);
-  const auto find_bow = [&](int32_t id) {
-    const auto found = own->handles.find(id);
+  const auto find_bow = [&](KeyframeId id) {
+    const auto found = own->handles.find(id.value);
     return found == own->handles.end() ? nullptr : &index_.Bow(found->second);
   };
   const AdaptiveThresholds thresholds =
-      ComputeThresholds(bow, find_bow(result.adjacent), find_bow(result.nearby), threshold_options_);
-  result.n0 = thresholds.n0;
-  result.n1 = thresholds.n1;
-  result.s0 = static_cast<float>(thresholds.s0);
-  result.s1 = static_cast<float>(thresholds.s1);
-  result.k = static_cast<float>(thresholds.k);
-  result.l = static_cast<float>(thresholds.l);
+      ComputeThresholds(bow, find_bow(answer.adjacent), find_bow(answer.nearby), threshold_options_);
+  answer.n0 = thresholds.n0;
+  answer.n1 = thresholds.n1;
+  answer.s0 = static_cast<float>(thresholds.s0);
+  answer.s1 = static_cast<float>(thresholds.s1);
+  answer.k = static_cast<float>(thresholds.k);
+  answer.l = static_cast<float>(thresholds.l);
 
   if (query.same_submap) {
     scope.excluded_handles = ToHandles(own->row.id, covisible);
     scope.excluded_handles.push_back(handle->second);
-    if (result.adjacent >= 0) scope.excluded_handles.push_back(own->handles.at(result.adjacent));
+    if (answer.adjacent.IsValid()) scope.excluded_handles.push_back(own->handles.at(answer.adjacent.value));
   } else {
     scope.excluded_session = entry.session;
     scope.excluded_submap = entry.submap;
@@ -206,22 +205,15 @@ bow_result_t BowSearch::Query(const bow_query_t& query) {
         return Covisible(query.requester, other, scope.last_seq[static_cast<size_t>(index_.Entry(other).session)]);
       },
       options);
-  result.max_common_words = static_cast<int32_t>(std::lround(selection.max_common_words));
-  result.best_group_score = static_cast<float>(selection.best_group_score);
+  answer.max_common_words = static_cast<int32_t>(std::lround(selection.max_common_words));
+  answer.best_group_score = static_cast<float>(selection.best_group_score);
   for (const Candidate& candidate : selection.candidates) {
     const IndexEntry& found = index_.Entry(candidate.handle);
-    bow_candidate_t message{};
-    message.session = sessions_.at(found.session + 1).row.uuid;
-    message.submap = found.submap;
-    message.keyframe = found.keyframe;
-    message.common_words = candidate.common_words;
-    message.score = static_cast<float>(candidate.score);
-    message.group_score = static_cast<float>(candidate.group_score);
-    result.candidates.push_back(message);
+    answer.proposals.push_back({sessions_.at(found.session + 1).row.uuid, SubmapId(found.submap),
+                                KeyframeId(found.keyframe), static_cast<float>(candidate.group_score),
+                                static_cast<float>(candidate.score), candidate.common_words});
   }
-  result.num_candidates = static_cast<int32_t>(result.candidates.size());
-  result.status = bow_result_t::OK;
-  return result;
+  return answer;
 }
 
 int64_t BowSearch::Bytes() const {

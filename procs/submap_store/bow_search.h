@@ -2,14 +2,13 @@
 
 #include <list>
 #include <map>
-#include <mapmend/bow_query_t.hpp>
-#include <mapmend/bow_result_t.hpp>
 #include <string>
 #include <unordered_map>
 #include <vector>
 
 #include "libs/retrieval/adaptive_thresholds.h"
 #include "libs/retrieval/inverted_index.h"
+#include "libs/stream/store_questions.h"
 #include "libs/stream/submap.h"
 #include "procs/submap_store/database.h"
 #include "procs/submap_store/submap_tracker.h"
@@ -36,8 +35,8 @@ class BowSearch {
   // Adds all of a file.
   void Load();
 
-  // committed: last record of each session that is in the file. See bow_query_t.lcm and bow_result_t.lcm.
-  bow_result_t Query(const bow_query_t& query);
+  BowAnswer Query(const BowQuery& query);
+  // Committed: the last record of a session that is in the file.
   void SetCumulative(int64_t session, int64_t seq) { sessions_.at(session).row.cumulative = seq; }
 
   int NumKeyframes() const { return index_.Size(); }

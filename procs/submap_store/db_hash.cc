@@ -38,9 +38,9 @@ std::string HashStream(Database* database) {
 }
 
 template <typename Message>
-Message ReadSound(const revision_fetched_t& stored, const std::string& path) {
+Message ReadSound(const RevisionAnswer& stored, const std::string& path) {
   Decoded<Message> decoded = Decode<Message>(stored.data);
-  if (stored.status != revision_fetched_t::OK || !decoded.value)
+  if (stored.status != RevisionAnswer::Status::kOk || !decoded.value)
     throw std::runtime_error(path + ": the merged map is damaged" + kSeeCheck);
   return std::move(*decoded.value);
 }
@@ -48,10 +48,8 @@ Message ReadSound(const revision_fetched_t& stored, const std::string& path) {
 // How often the merger published says nothing about the map: its number and its cursors are left out.
 std::string HashMap(Database* database) {
   RevisionStore revisions(database);
-  revision_fetch_t request{};
-  request.revision = -1;
-  request.part = -1;
-  const revision_fetched_t newest = revisions.Fetch(request);
+  RevisionRequest request;
+  const RevisionAnswer newest = revisions.Fetch(request);
   if (newest.revision < 0) return "";
   RevisionHead head = ReadSound<RevisionHead>(newest, database->Path());
   head.transforms.revision = 0;

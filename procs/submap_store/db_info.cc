@@ -76,9 +76,10 @@ void PrintDbInfo(const std::string& path) {
                   counts->getColumn(2).getInt());
     }
   }
-  for (const edge_decision_t& d : EdgeDecisions(&database).All()) {
-    std::printf("decision: connection of submap %d of %s and submap %d of %s %s\n", d.submap_a, d.session_a.c_str(),
-                d.submap_b, d.session_b.c_str(), d.disabled != 0 ? "switched off" : "left to the merger again");
+  for (const EdgeDecision& d : EdgeDecisions(&database).All()) {
+    std::printf("decision: connection of submap %d of %s and submap %d of %s %s\n", d.a.submap.value,
+                d.a.session.c_str(), d.b.submap.value, d.b.session.c_str(),
+                d.disabled ? "switched off" : "left to the merger again");
   }
   PrintSizes(&database);
 }

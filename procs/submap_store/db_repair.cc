@@ -2,8 +2,6 @@
 
 #include <cstdio>
 #include <filesystem>
-#include <mapmend/revision_fetch_t.hpp>
-#include <mapmend/revision_fetched_t.hpp>
 #include <memory>
 #include <stdexcept>
 
@@ -39,18 +37,17 @@ bool HasGaps(const std::string& path) {
 bool CopyRevision(Database* from, Database* into) {
   try {
     RevisionStore stored(from), copy(into);
-    revision_fetch_t request{};
-    request.revision = request.part = -1;
-    const revision_fetched_t newest = stored.Fetch(request);
-    if (newest.status != revision_fetched_t::OK) return false;
+    RevisionRequest request;
+    const RevisionAnswer newest = stored.Fetch(request);
+    if (newest.status != RevisionAnswer::Status::kOk) return false;
     std::vector<std::vector<uint8_t>> parts;
     request.revision = newest.revision;
     for (request.part = 0; request.part < newest.num_parts; ++request.part) {
-      revision_fetched_t part = stored.Fetch(request);
-      if (part.status != revision_fetched_t::OK) return false;
+      RevisionAnswer part = stored.Fetch(request);
+      if (part.status != RevisionAnswer::Status::kOk) return false;
       parts.push_back(std::move(part.data));
     }
-    if (!copy.Store(newest.data.data(), newest.num_bytes)) return false;
+    if (!copy.Store(newest.data.data(), static_cast<int>(newest.data.size()))) return false;
     for (const auto& part : parts) copy.StorePart(part.data(), static_cast<int>(part.size()));
     return true;
   } catch (const SQLite::Exception&) {

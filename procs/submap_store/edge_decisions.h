@@ -1,9 +1,8 @@
 #pragma once
 
-#include <mapmend/edge_decisions_t.hpp>
-#include <mapmend/edge_request_t.hpp>
 #include <vector>
 
+#include "libs/stream/store_questions.h"
 #include "procs/submap_store/database.h"
 
 namespace mapmend {
@@ -17,9 +16,9 @@ class EdgeDecisions {
   // Commits the request's decisions that change something, then answers with all. Throws std::runtime_error if a
   // decision names no possible pair of submaps (none of the request is kept then), SQLite::Exception e.g. on a full
   // disk.
-  edge_decisions_t Decide(const edge_request_t& request);
+  EdgeAnswer Decide(const EdgeRequest& request);
   // All, oldest first.
-  std::vector<edge_decision_t> All();
+  std::vector<EdgeDecision> All();
 
  private:
   Database* database_;

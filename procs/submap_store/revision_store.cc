@@ -52,16 +52,9 @@ void InsertConnections(Database* database, int64_t revision, const std::vector<E
   }
 }
 
-revision_ack_t MakeAck(int64_t revision, int32_t part) {
-  revision_ack_t ack{};
-  ack.revision = revision;
-  ack.part = part;
-  return ack;
-}
-
 }  // namespace
 
-std::optional<revision_ack_t> RevisionStore::Store(const uint8_t* data, int size) {
+std::optional<RevisionAck> RevisionStore::Store(const uint8_t* data, int size) {
   const Decoded<RevisionHead> decoded = Decode<RevisionHead>(data, size);
   if (!decoded.value) return std::nullopt;
   const RevisionHead& revision = *decoded.value;
@@ -70,7 +63,7 @@ std::optional<revision_ack_t> RevisionStore::Store(const uint8_t* data, int size
     auto same = database_->Prepare("SELECT 1 FROM revision WHERE revision = ? AND payload = ?");
     same->bind(1, number);
     same->bindNoCopy(2, data, size);
-    if (same->executeStep()) return MakeAck(number, -1);
+    if (same->executeStep()) return RevisionAck{number, -1};
   }
   SQLite::Transaction transaction(database_->Sql());
   Delete(database_, number);
@@ -86,10 +79,10 @@ std::optional<revision_ack_t> RevisionStore::Store(const uint8_t* data, int size
   InsertSubmaps(database_, revision.transforms);
   InsertConnections(database_, number, revision.connections);
   transaction.commit();
-  return MakeAck(number, -1);
+  return RevisionAck{number, -1};
 }
 
-std::optional<revision_ack_t> RevisionStore::StorePart(const uint8_t* data, int size) {
+std::optional<RevisionAck> RevisionStore::StorePart(const uint8_t* data, int size) {
   const Decoded<RevisionPart> decoded = Decode<RevisionPart>(data, size);
   if (!decoded.value) return std::nullopt;
   const RevisionPart& part = *decoded.value;
@@ -98,7 +91,7 @@ std::optional<revision_ack_t> RevisionStore::StorePart(const uint8_t* data, int 
     same->bind(1, part.revision);
     same->bind(2, part.part);
     same->bindNoCopy(3, data, size);
-    if (same->executeStep()) return MakeAck(part.revision, part.part);  // it came again
+    if (same->executeStep()) return RevisionAck{part.revision, part.part};  // it came again
   }
   SQLite::Transaction transaction(database_->Sql());
   {
@@ -119,7 +112,7 @@ std::optional<revision_ack_t> RevisionStore::StorePart(const uint8_t* data, int 
     prune->exec();
   }
   transaction.commit();
-  return MakeAck(part.revision, part.part);
+  return RevisionAck{part.revision, part.part};
 }
 
 int64_t RevisionStore::NewestComplete() {
@@ -130,11 +123,11 @@ int64_t RevisionStore::NewestComplete() {
   return query->executeStep() ? query->getColumn(0).getInt64() : -1;
 }
 
-revision_fetched_t RevisionStore::Fetch(const revision_fetch_t& request) {
-  revision_fetched_t reply{};
+RevisionAnswer RevisionStore::Fetch(const RevisionRequest& request) {
+  RevisionAnswer reply;
   reply.id = request.id;
   reply.requester = request.requester;
-  reply.status = revision_fetched_t::NONE;
+  reply.status = RevisionAnswer::Status::kNone;
   reply.revision = request.revision < 0 ? NewestComplete() : request.revision;
   reply.part = request.part;
   auto revision = database_->Prepare(
@@ -146,7 +139,7 @@ revision_fetched_t RevisionStore::Fetch(const revision_fetch_t& request) {
   if (request.part < 0) {
     if (revision->getColumn(2).getInt() == 0) return reply;  // damaged: as good as none
     reply.data = ReadBlob<uint8_t>(revision->getColumn(1));
-    reply.status = revision_fetched_t::OK;
+    reply.status = RevisionAnswer::Status::kOk;
   } else {
     auto part = database_->Prepare(
         "SELECT payload FROM revision_part WHERE revision = ? AND part = ? AND checksum IS row_checksum(revision, "
@@ -155,10 +148,9 @@ revision_fetched_t RevisionStore::Fetch(const revision_fetch_t& request) {
     part->bind(2, request.part);
     if (part->executeStep()) {
       reply.data = ReadBlob<uint8_t>(part->getColumn(0));
-      reply.status = revision_fetched_t::OK;
+      reply.status = RevisionAnswer::Status::kOk;
     }
   }
-  reply.num_bytes = static_cast<int32_t>(reply.data.size());
   return reply;
 }
 

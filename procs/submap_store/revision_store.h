@@ -1,10 +1,9 @@
 #pragma once
 
-#include <mapmend/revision_ack_t.hpp>
-#include <mapmend/revision_fetch_t.hpp>
-#include <mapmend/revision_fetched_t.hpp>
+#include <cstdint>
 #include <optional>
 
+#include "libs/stream/store_questions.h"
 #include "procs/submap_store/database.h"
 
 namespace mapmend {
@@ -15,12 +14,12 @@ class RevisionStore {
  public:
   explicit RevisionStore(Database* database) : database_(database) {}
 
-  // Commit one message and return its acknowledgement; nullopt if it is not valid. Storing a revision_t under a number
+  // Commit one message and return its acknowledgement; nullopt if it is not valid. Storing a head under a number
   // that is in use replaces what was there, unless it is the same. Throw SQLite::Exception, e.g. on a full disk.
-  std::optional<revision_ack_t> Store(const uint8_t* data, int size);
-  std::optional<revision_ack_t> StorePart(const uint8_t* data, int size);
+  std::optional<RevisionAck> Store(const uint8_t* data, int size);
+  std::optional<RevisionAck> StorePart(const uint8_t* data, int size);
 
-  revision_fetched_t Fetch(const revision_fetch_t& request);
+  RevisionAnswer Fetch(const RevisionRequest& request);
   // The newest revision whose parts are all there; -1: none.
   int64_t NewestComplete();
 

@@ -29,7 +29,7 @@ bool Try(const std::function<void()>& read) {
 }
 
 // Those that are sound. False if some are not.
-bool ReadDecisions(Database* database, std::vector<edge_decision_t>* decisions) {
+bool ReadDecisions(Database* database, std::vector<EdgeDecision>* decisions) {
   bool is_whole = true;
   const bool is_readable = Try([&] {
     auto rows =
@@ -43,13 +43,9 @@ bool ReadDecisions(Database* database, std::vector<edge_decision_t>* decisions) 
         is_whole = false;
         continue;
       }
-      edge_decision_t decision{};
-      decision.session_a = rows->getColumn(0).getString();
-      decision.submap_a = rows->getColumn(1).getInt();
-      decision.session_b = rows->getColumn(2).getString();
-      decision.submap_b = rows->getColumn(3).getInt();
-      decision.disabled = rows->getColumn(4).getInt() != 0 ? 1 : 0;
-      decisions->push_back(std::move(decision));
+      decisions->push_back({{rows->getColumn(0).getString(), SubmapId(rows->getColumn(1).getInt())},
+                            {rows->getColumn(2).getString(), SubmapId(rows->getColumn(3).getInt())},
+                            rows->getColumn(4).getInt() != 0});
     }
   });
   return is_readable && is_whole;
@@ -232,22 +228,17 @@ void Salvage::WriteSession(Known* known, const std::string& uuid, std::vector<st
 }
 
 void Salvage::TakeDecisions(std::vector<std::string>* lost) {
-  std::vector<edge_decision_t> taken;
+  std::vector<EdgeDecision> taken;
   bool is_whole = ReadDecisions(from_, &taken);
   for (auto source = sources_.begin(); !is_whole && source != sources_.end(); ++source) {
     if (!IsDatabase(*source)) continue;
     Database other(*source, Database::Mode::kDamaged);
-    std::vector<edge_decision_t> decisions;
+    std::vector<EdgeDecision> decisions;
     is_whole = ReadDecisions(&other, &decisions);
     if (is_whole) taken = std::move(decisions);
   }
   EdgeDecisions decisions(into_);
-  for (const edge_decision_t& decision : taken) {
-    edge_request_t one{};
-    one.decisions = {decision};
-    one.num_decisions = 1;
-    decisions.Decide(one);
-  }
+  for (const EdgeDecision& decision : taken) decisions.Decide({{}, {decision}});
   if (!is_whole) lost->push_back("decisions on connections are damaged: see `mapmend edges list`, and make them again");
 }
 

@@ -25,19 +25,17 @@ int32_t LastPoint(const Submap& submap) {
 
 }  // namespace
 
-progress_t ReadProgress(Database* database, int64_t row, const Session& model,
-                        const std::deque<GeometryWriter>& waiting) {
-  progress_t progress{};
+SessionProgress ReadProgress(Database* database, int64_t row, const Session& model,
+                             const std::deque<GeometryWriter>& waiting) {
+  SessionProgress progress;
   progress.next_submap = 1 + AskNumber(database, "SELECT ifnull(max(submap), -1) FROM submap WHERE session = ?", row);
   progress.next_keyframe =
       1 + AskNumber(database, "SELECT ifnull(max(keyframe), -1) FROM keyframe WHERE session = ?", row);
-  progress.open_submap = -1;
   progress.last_utime = model.start_utime;
   {
     auto ended = database->Prepare(
         "SELECT ifnull(max(last_frame), -1), ifnull(max(end_utime), 0) FROM submap WHERE session = ?");
     ended->bind(1, row);
-    progress.last_frame = -1;
     if (ended->executeStep()) {
       progress.last_frame = ended->getColumn(0).getInt();
       progress.last_utime = std::max(progress.last_utime, ended->getColumn(1).getInt64());
@@ -60,7 +58,7 @@ progress_t ReadProgress(Database* database, int64_t row, const Session& model,
   }
   for (const auto& [id, submap] : model.submaps) {
     if (submap.ended) continue;
-    progress.open_submap = id.value;
+    progress.open_submap = id;
     last_point = std::max(last_point, LastPoint(submap));
     for (const auto& [keyframe_id, keyframe] : submap.keyframes) note(keyframe.frame, keyframe.utime);
     for (const TrackedFrame& frame : submap.frames) note(frame.frame, frame.utime);

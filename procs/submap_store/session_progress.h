@@ -1,8 +1,8 @@
 #pragma once
 
 #include <deque>
-#include <mapmend/progress_t.hpp>
 
+#include "libs/stream/store_questions.h"
 #include "libs/stream/submap.h"
 #include "procs/submap_store/database.h"
 #include "procs/submap_store/derived_tables.h"
@@ -15,7 +15,7 @@ namespace mapmend {
 //   model    its submaps; the open ones in full
 //   waiting  submaps that have ended and whose geometry is not in the tables yet
 // cumulative and ended are the caller's to fill in.
-progress_t ReadProgress(Database* database, int64_t row, const Session& model,
-                        const std::deque<GeometryWriter>& waiting);
+SessionProgress ReadProgress(Database* database, int64_t row, const Session& model,
+                             const std::deque<GeometryWriter>& waiting);
 
 }  // namespace mapmend

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "libs/bus/channels.h"
+#include "libs/wire/query_codec.h"
 
 namespace mapmend {
 namespace {
@@ -35,22 +36,20 @@ StoreAdapter::StoreAdapter(Bus* bus, SubmapStore* store)
       bus->Subscribe<stream_state_t>(channels::kStreamState, Delivery::kKeepAll, [this](const stream_state_t& state) {
         if (!store_->MustReload()) store_->OnHeartbeat(state, SteadyMs());
       }));
-  Serve<bow_query_t, bow_result_t>(channels::kBowQuery, channels::kBowResult,
-                                   [this](const bow_query_t& query) { return store_->Query(query); });
-  Serve<fetch_t, fetched_t>(channels::kFetch, channels::kFetched,
-                            [this](const fetch_t& request) { return store_->Fetch(request); });
-  Serve<progress_request_t, progress_t>(
-      channels::kProgressRequest, channels::kProgress,
-      [this](const progress_request_t& request) { return store_->Progress(request); });
-  Serve<edge_request_t, edge_decisions_t>(
-      channels::kEdgeRequest, channels::kEdgeDecisions,
-      [this](const edge_request_t& request) { return store_->edge_decisions()->Decide(request); });
-  Serve<close_session_t, session_closed_t>(
-      channels::kCloseSession, channels::kSessionClosed,
-      [this](const close_session_t& request) { return store_->Close(request, SteadyMs()); });
-  Serve<revision_fetch_t, revision_fetched_t>(
+  Serve<BowQuery, BowAnswer>(channels::kBowQuery, channels::kBowResult,
+                             [this](const BowQuery& query) { return store_->Query(query); });
+  Serve<FetchRequest, FetchAnswer>(channels::kFetch, channels::kFetched,
+                                   [this](const FetchRequest& request) { return store_->Fetch(request); });
+  Serve<ProgressRequest, SessionProgress>(channels::kProgressRequest, channels::kProgress,
+                                          [this](const ProgressRequest& request) { return store_->Progress(request); });
+  Serve<EdgeRequest, EdgeAnswer>(channels::kEdgeRequest, channels::kEdgeDecisions, [this](const EdgeRequest& request) {
+    return store_->edge_decisions()->Decide(request);
+  });
+  Serve<CloseRequest, CloseAnswer>(channels::kCloseSession, channels::kSessionClosed,
+                                   [this](const CloseRequest& request) { return store_->Close(request, SteadyMs()); });
+  Serve<RevisionRequest, RevisionAnswer>(
       channels::kRevisionFetch, channels::kRevisionFetched,
-      [this](const revision_fetch_t& request) { return store_->revisions()->Fetch(request); });
+      [this](const RevisionRequest& request) { return store_->revisions()->Fetch(request); });
   subscriptions_.push_back(
       bus->SubscribeRaw(channels::kRevision, Delivery::kKeepAll, [this](const uint8_t* data, int size) {
         if (const auto ack = store_->revisions()->Store(data, size)) {
@@ -79,7 +78,7 @@ void StoreAdapter::Serve(const char* request_channel, const char* reply_channel,
         requests_.Add({request_channel, request.requester, request.id}, SteadyMs(),
                       [this, request_channel, reply_channel, answer, request] {
                         try {
-                          const std::vector<uint8_t> reply = EncodeMessage(answer(request));
+                          const std::vector<uint8_t> reply = Encode(answer(request));
                           bus_->PublishRaw(reply_channel, reply.data(), static_cast<int>(reply.size()));
                           return static_cast<int64_t>(reply.size());
                         } catch (const std::exception& e) {  // e.g. a full disk; it is asked for again

@@ -337,46 +337,37 @@ std::vector<ack_t> SubmapStore::Acks(int64_t now_ms) const {
 
 ack_t SubmapStore::Ack(const std::string& session) const { return sessions_.at(session)->log.MakeAck(error_); }
 
-fetched_t SubmapStore::Fetch(const fetch_t& request) {
-  fetched_t reply{};
-  reply.id = request.id;
-  reply.requester = request.requester;
-  reply.session = request.session;
-  reply.cumulative = -1;
+FetchAnswer SubmapStore::Fetch(const FetchRequest& request) {
+  FetchAnswer answer;
+  answer.id = request.id;
+  answer.requester = request.requester;
+  answer.session = request.session;
   if (request.session.empty()) {
-    for (const SessionRow& row : database_.Sessions()) {
-      cursor_t cursor{};
-      cursor.session = row.uuid;
-      cursor.seq = row.cumulative;
-      reply.sessions.push_back(cursor);
-    }
-    reply.num_sessions = static_cast<int32_t>(reply.sessions.size());
-    return reply;
+    for (const SessionRow& row : database_.Sessions()) answer.sessions.push_back({row.uuid, row.cumulative});
+    return answer;
   }
   SessionState* state = Find(request.session);
   if (state == nullptr || state->row == 0) {
-    reply.status = fetched_t::UNKNOWN_SESSION;
-    return reply;
+    answer.status = FetchAnswer::Status::kUnknownSession;
+    return answer;
   }
-  reply.cumulative = state->log.Cumulative();
-  reply.ended = state->log.Ended() && state->uncommitted.empty() ? 1 : 0;
+  answer.cumulative = state->log.Cumulative();
+  answer.ended = state->log.Ended() && state->uncommitted.empty();
   if (request.first_seq < 0 || request.last_seq < request.first_seq) {
-    reply.status = fetched_t::BAD_REQUEST;
-    return reply;
+    answer.status = FetchAnswer::Status::kBadRequest;
+    return answer;
   }
   const auto limit = static_cast<size_t>(std::clamp(request.max_bytes, 1, kMaxFetchBytes));
+  size_t num_bytes = 0;
   SessionRow row;
   row.id = state->row;
   row.uuid = request.session;
   database_.ReadRecords(
-      row, request.first_seq, std::min(request.last_seq, reply.cumulative),
-      [&](const EncodedRecord& record) {
-        if (reply.num_records > 0 && reply.data.size() + record.data.size() > limit) return false;
-        ++reply.num_records;
-        reply.seq.push_back(record.seq);
-        reply.channel.push_back(record.channel);
-        reply.size.push_back(static_cast<int32_t>(record.data.size()));
-        reply.data.insert(reply.data.end(), record.data.begin(), record.data.end());
+      row, request.first_seq, std::min(request.last_seq, answer.cumulative),
+      [&](EncodedRecord record) {
+        num_bytes += record.data.size();
+        if (!answer.records.empty() && num_bytes > limit) return false;
+        answer.records.push_back(std::move(record));
         return true;
       },
       // To a consumer it is a hole.
@@ -385,44 +376,43 @@ fetched_t SubmapStore::Fetch(const fetch_t& request) {
         spdlog::error("{}: session {}, record {}{}: {}; it is left out", options_.path, request.session, seq,
                       DescribeChannel(channel), what);
       });
-  reply.num_bytes = static_cast<int32_t>(reply.data.size());
-  return reply;
+  return answer;
 }
 
-progress_t SubmapStore::Progress(const progress_request_t& request) {
-  progress_t reply{};
+SessionProgress SubmapStore::Progress(const ProgressRequest& request) {
+  SessionProgress answer;
   SessionState* state = Find(request.session);
   const bool is_known = state != nullptr && state->row != 0;
   if (is_known) {
-    reply = ReadProgress(&database_, state->row, *state->log.model(), geometry_);
-    reply.cumulative = state->log.Cumulative();
-    reply.ended = state->log.Ended() && state->uncommitted.empty() ? 1 : 0;
+    answer = ReadProgress(&database_, state->row, *state->log.model(), geometry_);
+    answer.cumulative = state->log.Cumulative();
+    answer.ended = state->log.Ended() && state->uncommitted.empty();
   }
-  reply.status = is_known ? progress_t::OK : progress_t::UNKNOWN_SESSION;
-  reply.id = request.id;
-  reply.requester = request.requester;
-  reply.session = request.session;
-  return reply;
+  answer.status = is_known ? SessionProgress::Status::kOk : SessionProgress::Status::kUnknownSession;
+  answer.id = request.id;
+  answer.requester = request.requester;
+  answer.session = request.session;
+  return answer;
 }
 
-session_closed_t SubmapStore::Close(const close_session_t& request, int64_t now_ms) {
-  session_closed_t reply{};
-  reply.id = request.id;
-  reply.requester = request.requester;
-  reply.session = request.session;
+CloseAnswer SubmapStore::Close(const CloseRequest& request, int64_t now_ms) {
+  CloseAnswer answer;
+  answer.id = request.id;
+  answer.requester = request.requester;
+  answer.session = request.session;
   SessionState* state = Find(request.session);
   if (state == nullptr || state->row == 0) {
-    reply.status = session_closed_t::UNKNOWN_SESSION;
+    answer.status = CloseAnswer::Status::kUnknownSession;
   } else if (!state->log.Ended() && state->log.IsAlive(now_ms)) {
-    reply.status = session_closed_t::STILL_ALIVE;
+    answer.status = CloseAnswer::Status::kStillAlive;
   } else {
     CommitReady(now_ms);
     for (LogItem& item : state->log.TakeClosing()) state->uncommitted.push_back(std::move(item));
     CommitReady(now_ms);
-    reply.status = state->uncommitted.empty() ? session_closed_t::OK : session_closed_t::STILL_ALIVE;
-    reply.cumulative = state->log.Cumulative();
+    answer.status = state->uncommitted.empty() ? CloseAnswer::Status::kOk : CloseAnswer::Status::kStillAlive;
+    answer.cumulative = state->log.Cumulative();
   }
-  return reply;
+  return answer;
 }
 
 SubmapStore::Status SubmapStore::GetStatus(int64_t now_ms) const {

@@ -3,14 +3,6 @@
 #include <deque>
 #include <map>
 #include <mapmend/ack_t.hpp>
-#include <mapmend/bow_query_t.hpp>
-#include <mapmend/bow_result_t.hpp>
-#include <mapmend/close_session_t.hpp>
-#include <mapmend/fetch_t.hpp>
-#include <mapmend/fetched_t.hpp>
-#include <mapmend/progress_request_t.hpp>
-#include <mapmend/progress_t.hpp>
-#include <mapmend/session_closed_t.hpp>
 #include <mapmend/stream_state_t.hpp>
 #include <memory>
 #include <set>
@@ -36,8 +28,8 @@ struct SubmapStoreOptions {
   std::string Check() const;
 };
 
-// The durable log of the stream and the retrieval over it. Knows no bus: messages go in, replies come out. A record is
-// acknowledged only after it is committed. One thread. Times are milliseconds of a steady clock.
+// The durable log of the stream and the retrieval over it. Knows no bus: records and questions go in, answers come out.
+// A record is acknowledged only after it is committed. One thread. Times are milliseconds of a steady clock.
 class SubmapStore {
  public:
   // Opens or creates the file and rebuilds what is in memory. Throws std::runtime_error with one line if the file
@@ -61,10 +53,10 @@ class SubmapStore {
   ack_t Ack(const std::string& session) const;
 
   // Requests.
-  bow_result_t Query(const bow_query_t& query) { return search_.Query(query); }
-  fetched_t Fetch(const fetch_t& request);
-  progress_t Progress(const progress_request_t& request);
-  session_closed_t Close(const close_session_t& request, int64_t now_ms);
+  BowAnswer Query(const BowQuery& query) { return search_.Query(query); }
+  FetchAnswer Fetch(const FetchRequest& request);
+  SessionProgress Progress(const ProgressRequest& request);
+  CloseAnswer Close(const CloseRequest& request, int64_t now_ms);
   RevisionStore* revisions() { return &revisions_; }
   EdgeDecisions* edge_decisions() { return &edge_decisions_; }
 

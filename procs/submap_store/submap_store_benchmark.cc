@@ -193,8 +193,7 @@ struct FilledStore {
     path = parent / ("mapmend-benchmark-" + (keep ? "" : std::to_string(getpid()) + "-") + std::to_string(n) + ".db");
     if (!std::filesystem::exists(path)) Fill();
     Open();
-    fetch_t request{};
-    last_seq = store->Fetch(request).sessions.at(0).seq;
+    last_seq = store->Fetch(FetchRequest{}).sessions.at(0).seq;
   }
   ~FilledStore() {
     store.reset();
@@ -293,22 +292,18 @@ void BM_IndexQuery(benchmark::State& state) {
 // A whole query of the store: thresholds, index, covisible groups, at n keyframes.
 void BM_Query(benchmark::State& state) {
   FilledStore& filled = Filled(static_cast<int>(state.range(0)));
-  bow_query_t query{};
+  BowQuery query;
   query.requester = "benchmark";
   query.session = "benchmark";
-  cursor_t cursor{};
-  cursor.session = "benchmark";
-  cursor.seq = filled.last_seq;
-  query.cursors = {cursor};
-  query.num_cursors = 1;
-  query.keyframe = filled.num_keyframes - 250;
+  query.cursors = {{"benchmark", filled.last_seq}};
+  query.keyframe = KeyframeId(filled.num_keyframes - 250);
   filled.store->Query(query);  // reads its submap
   std::vector<double> times;
   int num_candidates = 0;
   for (auto _ : state) {
-    query.keyframe = filled.num_keyframes - 250 + static_cast<int>(times.size()) % 240;
+    query.keyframe = KeyframeId(filled.num_keyframes - 250 + static_cast<int>(times.size()) % 240);
     const auto start = Clock::now();
-    num_candidates += filled.store->Query(query).num_candidates;
+    num_candidates += static_cast<int>(filled.store->Query(query).proposals.size());
     times.push_back(MsSince(start));
   }
   state.counters["median_ms"] = Quantile(times, 0.5);

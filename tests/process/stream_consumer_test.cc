@@ -7,9 +7,6 @@
 #include <spdlog/spdlog.h>
 
 #include <csignal>
-#include <mapmend/bow_query_t.hpp>
-#include <mapmend/bow_result_t.hpp>
-#include <mapmend/session_closed_t.hpp>
 
 #include "libs/wire/codec.h"
 #include "libs/wire/store_client.h"
@@ -114,12 +111,12 @@ TEST_F(StreamConsumerTest, ASessionOfADeadFrontendCanBeClosed) {
   ASSERT_TRUE(SpinUntil([&] { return delivered_.size() > 20; }));
   const auto alive = client_->CloseSession(flight_.session, 1500);
   ASSERT_TRUE(alive);
-  EXPECT_EQ(alive->status, session_closed_t::STILL_ALIVE);
+  EXPECT_EQ(alive->status, CloseAnswer::Status::kStillAlive);
   frontend.Kill();
   may_have_holes_ = true;
   const auto closed = client_->CloseSession(flight_.session, 20000);
   ASSERT_TRUE(closed);
-  EXPECT_EQ(closed->status, session_closed_t::OK);
+  EXPECT_EQ(closed->status, CloseAnswer::Status::kOk);
   EXPECT_TRUE(SpinUntil([&] { return HasEnded(); }, 10000));
   EXPECT_LE(static_cast<int64_t>(delivered_.size()), closed->cumulative + 1);  // less what was on its way
 }
@@ -131,7 +128,7 @@ TEST_F(StreamConsumerTest, WhoHasSeenTheEndOfASessionThatGoesOnMustStartAfresh) 
   may_have_holes_ = true;    // what is on its way just now
   const auto closed = client_->CloseSession(flight_.session, 20000);
   ASSERT_TRUE(closed);
-  ASSERT_EQ(closed->status, session_closed_t::OK);
+  ASSERT_EQ(closed->status, CloseAnswer::Status::kOk);
   ASSERT_TRUE(SpinUntil([&] { return HasEnded(); }, 20000));
   frontend.Signal(SIGCONT);
   EXPECT_THROW(SpinUntil([] { return false; }, 30000), std::runtime_error) << ReadWholeFile(log_);

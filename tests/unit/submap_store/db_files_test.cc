@@ -249,19 +249,18 @@ TEST_F(DbFiles, MergePutsFlightsTogetherSoThatTheyCanBeSearchedTogether) {
   SubmapStoreOptions options;
   options.path = merged;
   SubmapStore store(options);
-  const fetched_t list = store.Fetch(fetch_t{});
-  ASSERT_EQ(list.num_sessions, 2);
+  const FetchAnswer list = store.Fetch(FetchRequest{});
+  ASSERT_EQ(list.sessions.size(), 2u);
   EXPECT_EQ(list.sessions[0].session, "a");  // the older flight first
-  bow_query_t query{};
+  BowQuery query;
   query.session = "later";
-  query.keyframe = 4;
+  query.keyframe = KeyframeId(4);
   query.cursors = list.sessions;
-  query.num_cursors = 2;
-  const bow_result_t result = store.Query(query);
-  ASSERT_EQ(result.status, bow_result_t::OK);
-  ASSERT_GE(result.num_candidates, 1);
-  EXPECT_EQ(result.candidates[0].session, "a");
-  EXPECT_EQ(result.candidates[0].keyframe % 10, 4);  // the same place
+  const BowAnswer answer = store.Query(query);
+  ASSERT_EQ(answer.status, BowAnswer::Status::kOk);
+  ASSERT_GE(answer.proposals.size(), 1u);
+  EXPECT_EQ(answer.proposals[0].session, "a");
+  EXPECT_EQ(answer.proposals[0].keyframe.value % 10, 4);  // the same place
 }
 
 TEST_F(DbFiles, MergeRefusesWhatDoesNotBelongTogether) {

@@ -13,23 +13,11 @@
 namespace mapmend {
 namespace {
 
-edge_decision_t Decision(int a, int b, bool disabled, const std::string& session = "s") {
-  edge_decision_t d{};
-  d.session_a = d.session_b = session;
-  d.submap_a = a;
-  d.submap_b = b;
-  d.disabled = disabled ? 1 : 0;
-  return d;
+EdgeDecision Decision(int a, int b, bool disabled, const std::string& session = "s") {
+  return {{session, SubmapId(a)}, {session, SubmapId(b)}, disabled};
 }
 
-edge_request_t Request(const std::vector<edge_decision_t>& decisions) {
-  edge_request_t request{};
-  request.id = 7;
-  request.requester = "test";
-  request.decisions = decisions;
-  request.num_decisions = static_cast<int32_t>(decisions.size());
-  return request;
-}
+EdgeRequest Request(const std::vector<EdgeDecision>& decisions) { return {{7, "test"}, decisions}; }
 
 class EdgeDecisionsTest : public ::testing::Test {
  protected:
@@ -41,33 +29,33 @@ TEST_F(EdgeDecisionsTest, AreKeptInOrderAndSurviveARestart) {
   {
     Database database(db_, Database::Mode::kReadWrite);
     EdgeDecisions decisions(&database);
-    EXPECT_EQ(decisions.Decide(Request({})).num_decisions, 0);
-    const edge_decisions_t reply = decisions.Decide(Request({Decision(0, 2, true), Decision(1, 2, true)}));
+    EXPECT_EQ(decisions.Decide(Request({})).decisions.size(), 0u);
+    const EdgeAnswer reply = decisions.Decide(Request({Decision(0, 2, true), Decision(1, 2, true)}));
     EXPECT_EQ(reply.id, 7);
     EXPECT_EQ(reply.requester, "test");
-    EXPECT_EQ(reply.num_decisions, 2);
-    EXPECT_EQ(decisions.Decide(Request({Decision(2, 1, false)})).num_decisions, 3);
+    EXPECT_EQ(reply.decisions.size(), 2u);
+    EXPECT_EQ(decisions.Decide(Request({Decision(2, 1, false)})).decisions.size(), 3u);
   }
   Database database(db_, Database::Mode::kReadWrite);
-  const std::vector<edge_decision_t> all = EdgeDecisions(&database).All();
+  const std::vector<EdgeDecision> all = EdgeDecisions(&database).All();
   ASSERT_EQ(all.size(), 3u);
-  EXPECT_EQ(all[0].submap_b, 2);
-  EXPECT_EQ(all[2].submap_a, 2);
-  EXPECT_EQ(all[2].disabled, 0);
+  EXPECT_EQ(all[0].b.submap, SubmapId(2));
+  EXPECT_EQ(all[2].a.submap, SubmapId(2));
+  EXPECT_FALSE(all[2].disabled);
 }
 
 TEST_F(EdgeDecisionsTest, WhatIsSoAlreadyIsNotAdded) {
   Database database(db_, Database::Mode::kReadWrite);
   EdgeDecisions decisions(&database);
-  EXPECT_EQ(decisions.Decide(Request({Decision(0, 1, false)})).num_decisions, 0);  // nothing was switched off
-  EXPECT_EQ(decisions.Decide(Request({Decision(0, 1, true), Decision(1, 0, true)})).num_decisions, 1);
-  EXPECT_EQ(decisions.Decide(Request({Decision(1, 0, false), Decision(0, 1, true)})).num_decisions, 3);
+  EXPECT_EQ(decisions.Decide(Request({Decision(0, 1, false)})).decisions.size(), 0u);  // nothing was switched off
+  EXPECT_EQ(decisions.Decide(Request({Decision(0, 1, true), Decision(1, 0, true)})).decisions.size(), 1u);
+  EXPECT_EQ(decisions.Decide(Request({Decision(1, 0, false), Decision(0, 1, true)})).decisions.size(), 3u);
 }
 
 TEST_F(EdgeDecisionsTest, NonsenseIsRefusedAndNothingOfItKept) {
   Database database(db_, Database::Mode::kReadWrite);
   EdgeDecisions decisions(&database);
-  for (const edge_decision_t& bad : {Decision(1, 1, true), Decision(-1, 2, true), Decision(0, 1, true, "no/session")}) {
+  for (const EdgeDecision& bad : {Decision(1, 1, true), Decision(-1, 2, true), Decision(0, 1, true, "no/session")}) {
     EXPECT_THROW(decisions.Decide(Request({Decision(0, 1, true), bad})), std::runtime_error);
   }
   EXPECT_TRUE(decisions.All().empty());
@@ -90,10 +78,10 @@ TEST_F(EdgeDecisionsTest, GoIntoAMergedDatabase) {
   }
   MergeDbs({db_, other}, merged);
   Database database(merged, Database::Mode::kReadWrite);
-  const std::vector<edge_decision_t> all = EdgeDecisions(&database).All();
+  const std::vector<EdgeDecision> all = EdgeDecisions(&database).All();
   ASSERT_EQ(all.size(), 2u);
-  EXPECT_EQ(all[0].session_a, "s");
-  EXPECT_EQ(all[1].session_a, "longer");
+  EXPECT_EQ(all[0].a.session, "s");
+  EXPECT_EQ(all[1].a.session, "longer");
 }
 
 }  // namespace

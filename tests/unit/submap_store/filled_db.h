@@ -54,14 +54,7 @@ inline void FillWithMap(const std::string& path) {
     const auto bytes = Encode(part);
     revisions.StorePart(bytes.data(), static_cast<int>(bytes.size()));
   }
-  edge_request_t request{};
-  edge_decision_t decision{};
-  decision.session_a = decision.session_b = flight.session;
-  decision.submap_b = 1;
-  decision.disabled = 1;
-  request.decisions = {decision};
-  request.num_decisions = 1;
-  EdgeDecisions(&database).Decide(request);
+  EdgeDecisions(&database).Decide({{}, {{connection.a, connection.b, true}}});
   database.Sql().exec("PRAGMA wal_checkpoint(TRUNCATE)");
 }
 

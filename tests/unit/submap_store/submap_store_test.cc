@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "libs/bus/bus.h"
 #include "libs/wire/codec.h"
+#include "libs/wire/query_codec.h"
 #include "procs/submap_store/db_commands.h"
 #include "tests/mutate_message.h"
 #include "tests/scratch_folder.h"
@@ -41,6 +41,13 @@ class SubmapStoreTest : public ::testing::Test {
   void Commit() {
     store_->CommitReady(now_ms_);
     while (store_->WorkInBackground()) continue;
+  }
+  BowQuery QueryAsOf(KeyframeId keyframe, int64_t seq) {
+    BowQuery query;
+    query.session = options_.session;
+    query.keyframe = keyframe;
+    query.cursors = {{options_.session, seq}};
+    return query;
   }
   int64_t Cumulative() { return store_->Ack(options_.session).cumulative; }
   std::vector<int64_t> Missing() { return store_->Ack(options_.session).missing; }
@@ -100,27 +107,25 @@ TEST_F(SubmapStoreTest, FetchReturnsWhatWasPublishedInBoundedReplies) {
   for (const Record& record : records) Offer(record);
   Commit();
   std::vector<std::vector<uint8_t>> fetched;
-  fetch_t request{};
-  request.session = options_.session;
-  request.last_seq = 1000;
-  request.max_bytes = 20000;
+  FetchRequest request{{}, options_.session, 0, 1000, 20000};
   while (fetched.size() < records.size()) {
     request.first_seq = static_cast<int64_t>(fetched.size());
-    const fetched_t reply = store_->Fetch(request);
-    ASSERT_EQ(reply.status, fetched_t::OK);
-    ASSERT_GT(reply.num_records, 0);
-    EXPECT_TRUE(reply.ended);
-    EXPECT_TRUE(reply.num_records == 1 || reply.num_bytes <= 20000);
-    auto at = reply.data.begin();
-    for (int i = 0; i < reply.num_records; ++i) {
-      EXPECT_EQ(reply.seq[static_cast<size_t>(i)], static_cast<int64_t>(fetched.size()));
-      fetched.emplace_back(at, at + reply.size[static_cast<size_t>(i)]);
-      at += reply.size[static_cast<size_t>(i)];
+    const FetchAnswer answer = store_->Fetch(request);
+    ASSERT_EQ(answer.status, FetchAnswer::Status::kOk);
+    ASSERT_FALSE(answer.records.empty());
+    EXPECT_TRUE(answer.ended);
+    size_t num_bytes = 0;
+    for (const EncodedRecord& record : answer.records) {
+      EXPECT_EQ(record.seq, static_cast<int64_t>(fetched.size()));
+      EXPECT_EQ(record.session, options_.session);
+      fetched.push_back(record.data);
+      num_bytes += record.data.size();
     }
+    EXPECT_TRUE(answer.records.size() == 1 || num_bytes <= 20000);
   }
   for (size_t i = 0; i < records.size(); ++i) EXPECT_EQ(fetched[i], EncodeRecord(records[i]).data);
-  const fetched_t list = store_->Fetch(fetch_t{});
-  ASSERT_EQ(list.num_sessions, 1);
+  const FetchAnswer list = store_->Fetch(FetchRequest{});
+  ASSERT_EQ(list.sessions.size(), 1u);
   EXPECT_EQ(list.sessions[0].seq, static_cast<int64_t>(records.size()) - 1);
 }
 
@@ -240,9 +245,8 @@ TEST_F(SubmapStoreTest, TakesUpAClosedSessionAgainWhenItsFrontendHasMore) {
     Heartbeat(0, last_heard_of);
     Commit();
     now_ms_ += 5000;
-    close_session_t request{};
-    request.session = options_.session;
-    ASSERT_EQ(store_->Close(request, now_ms_).status, session_closed_t::OK);
+    const CloseRequest request{{}, options_.session};
+    ASSERT_EQ(store_->Close(request, now_ms_).status, CloseAnswer::Status::kOk);
     Open();
     Heartbeat(static_cast<int64_t>(num_before) - 3, static_cast<int64_t>(num_before) - 1);  // it knows less than we do
     EXPECT_FALSE(store_->MustReload());
@@ -280,13 +284,12 @@ TEST_F(SubmapStoreTest, ClosesASessionWhoseFrontendDied) {
   for (size_t i = 0; i < 10; ++i) Offer(records[i]);
   Heartbeat(0, 9);
   Commit();
-  close_session_t request{};
-  request.session = options_.session;
-  EXPECT_EQ(store_->Close(request, now_ms_).status, session_closed_t::STILL_ALIVE);
+  const CloseRequest request{{}, options_.session};
+  EXPECT_EQ(store_->Close(request, now_ms_).status, CloseAnswer::Status::kStillAlive);
   now_ms_ += 5000;
   EXPECT_EQ(store_->GetStatus(now_ms_).silent_sessions, 1);
-  const session_closed_t reply = store_->Close(request, now_ms_);
-  EXPECT_EQ(reply.status, session_closed_t::OK);
+  const CloseAnswer reply = store_->Close(request, now_ms_);
+  EXPECT_EQ(reply.status, CloseAnswer::Status::kOk);
   EXPECT_EQ(reply.cumulative, 11);  // submap ended, session ended
   EXPECT_EQ(store_->GetStatus(now_ms_).open_sessions, 0);
   EXPECT_EQ(store_->Close(request, now_ms_).cumulative, 11);  // again is harmless
@@ -296,10 +299,9 @@ TEST_F(SubmapStoreTest, ClosesASessionWhoseFrontendDied) {
 
 TEST_F(SubmapStoreTest, TellsHowFarASessionHasCome) {
   const auto records = MakeSyntheticStream(options_);
-  progress_request_t request{};
-  request.session = options_.session;
+  const ProgressRequest request{{}, options_.session};
   Open();
-  EXPECT_EQ(store_->Progress(request).status, progress_t::UNKNOWN_SESSION);
+  EXPECT_EQ(store_->Progress(request).status, SessionProgress::Status::kUnknownSession);
   // What the answer must be after each record, from the records themselves.
   int32_t next_submap = 0, next_keyframe = 0, last_point = -1, open = -1, last_frame = -1;
   for (size_t i = 0; i < records.size(); ++i) {
@@ -317,14 +319,14 @@ TEST_F(SubmapStoreTest, TellsHowFarASessionHasCome) {
     Offer(records[i]);
     Commit();
     if (i % 7 == 0) Open();  // the same after a restart
-    const progress_t progress = store_->Progress(request);
-    ASSERT_EQ(progress.status, progress_t::OK);
+    const SessionProgress progress = store_->Progress(request);
+    ASSERT_EQ(progress.status, SessionProgress::Status::kOk);
     EXPECT_EQ(progress.cumulative, static_cast<int64_t>(i));
     EXPECT_EQ(progress.ended, i + 1 == records.size());
     EXPECT_EQ(progress.next_submap, next_submap);
     EXPECT_EQ(progress.next_keyframe, next_keyframe);
     EXPECT_GT(progress.next_point, last_point);
-    EXPECT_EQ(progress.open_submap, open);
+    EXPECT_EQ(progress.open_submap.value, open);
     EXPECT_EQ(progress.last_frame, last_frame);
     EXPECT_GE(progress.last_utime, records[0].header.utime);
   }
@@ -366,24 +368,17 @@ TEST_F(SubmapStoreTest, QueryFindsTheSamePlaceInAnotherSubmap) {
   const auto records = MakeSyntheticStream(options_);
   for (const Record& record : records) Offer(record);
   Commit();
-  bow_query_t query{};
-  query.session = options_.session;
-  query.keyframe = 14;  // the fifth of submap 1
-  cursor_t cursor{};
-  cursor.session = options_.session;
-  cursor.seq = static_cast<int64_t>(records.size()) - 1;
-  query.cursors = {cursor};
-  query.num_cursors = 1;
-  const bow_result_t result = store_->Query(query);
-  ASSERT_EQ(result.status, bow_result_t::OK);
-  EXPECT_EQ(result.adjacent, 13);
-  EXPECT_GE(result.nearby, 10);
+  const BowQuery query = QueryAsOf(KeyframeId(14), static_cast<int64_t>(records.size()) - 1);  // the fifth of submap 1
+  const BowAnswer result = store_->Query(query);
+  ASSERT_EQ(result.status, BowAnswer::Status::kOk);
+  EXPECT_EQ(result.adjacent, KeyframeId(13));
+  EXPECT_GE(result.nearby, KeyframeId(10));
   EXPECT_GT(result.n0, result.n1);
   EXPECT_NEAR(result.k, static_cast<float>(result.n1) / static_cast<float>(result.n0), 1e-6);
   EXPECT_NEAR(result.l, result.s1 / result.s0, 1e-5);
-  ASSERT_GE(result.num_candidates, 1);
-  EXPECT_EQ(result.candidates[0].submap, 0);
-  EXPECT_EQ(result.candidates[0].keyframe, 4);
+  ASSERT_GE(result.proposals.size(), 1u);
+  EXPECT_EQ(result.proposals[0].submap, SubmapId(0));
+  EXPECT_EQ(result.proposals[0].keyframe, KeyframeId(4));
 }
 
 // Whoever can reach the bus can send anything. The store goes on, what it stores fits together, and honest requests are
@@ -395,19 +390,12 @@ TEST_F(SubmapStoreTest, DamagedMessagesOfAllKindsDoNoHarm) {
   options_.num_words = 20;
   const auto records = MakeSyntheticStream(options_);
   std::mt19937 random(3);
-  const auto mutated = [&](const auto& message, auto* result) {
-    const std::vector<uint8_t> data = MutateMessage(EncodeMessage(message), &random);
-    return DecodeMessage(data.data(), static_cast<int>(data.size()), result);
+  // What arrives of a message that is damaged on its way; nothing if it is refused.
+  const auto mutated = [&]<typename Message>(const Message& message) {
+    return Decode<Message>(MutateMessage(Encode(message), &random)).value;
   };
-  bow_query_t query{};
-  query.session = options_.session;
-  query.cursors.resize(1);
-  query.num_cursors = 1;
-  query.cursors[0].session = options_.session;
-  fetch_t fetch{};
-  fetch.session = options_.session;
-  fetch.last_seq = 100;
-  fetch.max_bytes = 1000;
+  BowQuery query = QueryAsOf(KeyframeId(), -1);
+  FetchRequest fetch{{}, options_.session, 0, 100, 1000};
   stream_state_t state{};
   state.session = options_.session;
   for (size_t i = 0; i < records.size(); ++i) {
@@ -422,19 +410,16 @@ TEST_F(SubmapStoreTest, DamagedMessagesOfAllKindsDoNoHarm) {
     stream_state_t bad_state{};
     if (mutated(state, &bad_state)) store_->OnHeartbeat(bad_state, now_ms_);
     query.cursors[0].seq = static_cast<int64_t>(i);
-    query.keyframe = static_cast<int32_t>(i / 3);
-    bow_query_t bad_query{};
-    if (mutated(query, &bad_query)) store_->Query(bad_query);
-    fetch_t bad_fetch{};
-    if (mutated(fetch, &bad_fetch)) store_->Fetch(bad_fetch);
-    revision_fetch_t bad_revision{};
-    if (mutated(revision_fetch_t{}, &bad_revision)) store_->revisions()->Fetch(bad_revision);
+    query.keyframe = KeyframeId(static_cast<int>(i / 3));
+    if (const auto bad = mutated(query)) store_->Query(*bad);
+    if (const auto bad = mutated(fetch)) store_->Fetch(*bad);
+    if (const auto bad = mutated(RevisionRequest{})) store_->revisions()->Fetch(*bad);
     Commit();
   }
   EXPECT_GE(Cumulative(), static_cast<int64_t>(records.size()) - 1);
   EXPECT_GT(store_->GetStatus(now_ms_).refused, 100);
   fetch.first_seq = 0;
-  EXPECT_EQ(store_->Fetch(fetch).status, fetched_t::OK);
+  EXPECT_EQ(store_->Fetch(fetch).status, FetchAnswer::Status::kOk);
   store_.reset();
   const auto problems = CheckDb(folder_.File("map.db"));
   EXPECT_TRUE(problems.empty()) << problems.front();
@@ -444,30 +429,21 @@ TEST_F(SubmapStoreTest, DamagedMessagesOfAllKindsDoNoHarm) {
 TEST_F(SubmapStoreTest, QueryAnswersAsOfTheCursorWhateverCameLater) {
   const auto records = MakeSyntheticStream(options_);
   Open();
-  std::vector<std::vector<uint8_t>> live;
-  std::vector<bow_query_t> queries;
+  std::vector<BowAnswer> live;
+  std::vector<BowQuery> queries;
   for (const Record& record : records) {
     Offer(record);
     store_->CommitReady(now_ms_);
     const auto* keyframe = std::get_if<KeyframeRecord>(&record.body);
     if (keyframe == nullptr) continue;
-    bow_query_t query{};
-    query.session = options_.session;
-    query.keyframe = keyframe->keyframe.value;
-    cursor_t cursor{};
-    cursor.session = options_.session;
-    cursor.seq = record.header.seq;
-    query.cursors = {cursor};
-    query.num_cursors = 1;
-    live.push_back(EncodeMessage(store_->Query(query)));
-    queries.push_back(query);
+    queries.push_back(QueryAsOf(keyframe->keyframe, record.header.seq));
+    live.push_back(store_->Query(queries.back()));
   }
   Commit();
-  for (size_t i = 0; i < queries.size(); ++i) EXPECT_EQ(EncodeMessage(store_->Query(queries[i])), live[i]);
+  for (size_t i = 0; i < queries.size(); ++i) EXPECT_TRUE(store_->Query(queries[i]) == live[i]);
   Open();
   for (size_t i = queries.size(); i-- > 0;) {
-    bow_query_t query = queries[i];
-    EXPECT_EQ(EncodeMessage(store_->Query(query)), live[i]) << "keyframe " << query.keyframe;
+    EXPECT_TRUE(store_->Query(queries[i]) == live[i]) << "keyframe " << queries[i].keyframe.value;
   }
 }
 
@@ -476,21 +452,14 @@ TEST_F(SubmapStoreTest, QueryBeyondWhatIsCommittedIsNotAnsweredYet) {
   const auto records = MakeSyntheticStream(options_);
   for (int i = 0; i < 4; ++i) Offer(records[static_cast<size_t>(i)]);
   Commit();
-  bow_query_t query{};
-  query.session = options_.session;
-  cursor_t cursor{};
-  cursor.session = options_.session;
-  cursor.seq = 4;
-  query.cursors = {cursor};
-  query.num_cursors = 1;
-  EXPECT_EQ(store_->Query(query).status, bow_result_t::NOT_YET);
+  BowQuery query = QueryAsOf(KeyframeId(0), 4);
+  EXPECT_EQ(store_->Query(query).status, BowAnswer::Status::kNotYet);
   query.cursors[0].seq = 3;
-  EXPECT_EQ(store_->Query(query).status, bow_result_t::OK);
-  query.keyframe = 5;
-  EXPECT_EQ(store_->Query(query).status, bow_result_t::UNKNOWN_KEYFRAME);
+  EXPECT_EQ(store_->Query(query).status, BowAnswer::Status::kOk);
+  query.keyframe = KeyframeId(5);
+  EXPECT_EQ(store_->Query(query).status, BowAnswer::Status::kUnknownKeyframe);
   query.cursors.clear();
-  query.num_cursors = 0;
-  EXPECT_EQ(store_->Query(query).status, bow_result_t::BAD_QUERY);
+  EXPECT_EQ(store_->Query(query).status, BowAnswer::Status::kBadQuery);
 }
 
 }  // namespace

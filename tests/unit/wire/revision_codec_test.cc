@@ -94,9 +94,9 @@ TEST(RevisionCodec, WhatIsEncodedComesBackToTheLastBit) {
     ExpectBack(RandomTransforms(&random));
     ExpectBack(RandomHead(&random));
     ExpectBack(RandomPart(&random));
-    ExpectBack(GraphRequest{random.Seq(), random.Text()});
-    ExpectBack(GraphReply{random.Seq(), random.Text(), RandomTransforms(&random), random.Int(0, 9),
-                          RandomConnections(&random)});
+    ExpectBack(GraphRequest{{random.Seq(), random.Text()}});
+    ExpectBack(GraphReply{
+        {random.Seq(), random.Text()}, RandomTransforms(&random), random.Int(0, 9), RandomConnections(&random)});
   }
 }
 
