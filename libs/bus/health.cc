@@ -14,6 +14,46 @@
 
 namespace mapmend {
 
+template <>
+std::vector<uint8_t> Encode(const Health& health) {
+  health_t message{};
+  message.process = health.process;
+  message.pid = health.pid;
+  message.version = health.version;
+  message.utime = health.utime;
+  message.state = health.state;
+  message.message = health.message;
+  for (const auto& [session, seq] : health.cursors) {
+    message.cursors.emplace_back();
+    message.cursors.back().session = session;
+    message.cursors.back().seq = seq;
+  }
+  message.num_cursors = static_cast<int32_t>(message.cursors.size());
+  message.queue_depth = health.queue_depth;
+  message.cpu_s = health.cpu_s;
+  message.rss_mb = health.rss_mb;
+  message.peak_rss_mb = health.peak_rss_mb;
+  for (const auto& [name, value] : health.counters) {
+    message.counters.emplace_back();
+    message.counters.back().name = name;
+    message.counters.back().value = value;
+  }
+  message.num_counters = static_cast<int32_t>(message.counters.size());
+  return EncodeMessage(message);
+}
+
+template <>
+Decoded<Health> Decode(const uint8_t* data, int size) {
+  Decoded<health_t> message = Decode<health_t>(data, size);
+  if (!message.value) return {std::nullopt, message.error};
+  const health_t& m = *message.value;
+  Health health{m.process, m.pid,         m.version, m.utime,  m.state,       m.message,
+                {},        m.queue_depth, m.cpu_s,   m.rss_mb, m.peak_rss_mb, {}};
+  for (const cursor_t& cursor : m.cursors) health.cursors[cursor.session] = cursor.seq;
+  for (const counter_t& counter : m.counters) health.counters[counter.name] = counter.value;
+  return {std::move(health), ""};
+}
+
 ProcessUsage ReadProcessUsage() {
   ProcessUsage usage;
   rusage r{};
@@ -63,7 +103,7 @@ void HealthReporter::Run() {
   constexpr auto kInterval = std::chrono::seconds(1);
   std::unique_lock lock(mutex_);
   while (!changed_.wait_for(lock, kInterval, [this] { return stop_; })) {
-    const health_t health = MakeMessage();
+    const Health health = MakeHealth();
     const std::vector<Bus*> buses = buses_;
     lock.unlock();
     for (Bus* bus : buses) bus->Publish(channels::kHealth, health);
@@ -78,7 +118,7 @@ void HealthReporter::SetState(const std::string& state, const std::string& messa
   current_.state = state;
   current_.message = message;
   told_ = current_;
-  const health_t health = MakeMessage();
+  const Health health = MakeHealth();
   const std::vector<Bus*> buses = buses_;
   lock.unlock();
   for (Bus* bus : buses) bus->Publish(channels::kHealth, health);
@@ -105,9 +145,9 @@ void HealthReporter::Tick() {
   told_ = current_;
 }
 
-health_t HealthReporter::MakeMessage() const {
+Health HealthReporter::MakeHealth() const {
   const ProcessUsage usage = ReadProcessUsage();
-  health_t health{};
+  Health health;
   health.process = process_;
   health.pid = getpid();
   health.version = MAPMEND_VERSION;
@@ -116,27 +156,14 @@ health_t HealthReporter::MakeMessage() const {
           .count();
   health.state = told_.state;
   health.message = told_.message;
-  for (const auto& [session, seq] : told_.cursors) {
-    cursor_t cursor{};
-    cursor.session = session;
-    cursor.seq = seq;
-    health.cursors.push_back(cursor);
-  }
-  health.num_cursors = static_cast<int32_t>(health.cursors.size());
+  health.cursors = told_.cursors;
   health.queue_depth = told_.queue_depth;
   health.cpu_s = usage.cpu_s;
   health.rss_mb = usage.rss_mb;
   health.peak_rss_mb = usage.peak_rss_mb;
-  const auto add = [&](const std::string& name, double value) {
-    counter_t counter{};
-    counter.name = name;
-    counter.value = value;
-    health.counters.push_back(counter);
-  };
-  for (const auto& [name, value] : told_.counters) add(name, value);
+  health.counters = told_.counters;
   const auto stalled = std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - last_sign_of_life_).count();
-  if (stalled > 0) add("stalled_s", static_cast<double>(stalled));
-  health.num_counters = static_cast<int32_t>(health.counters.size());
+  if (stalled > 0) health.counters["stalled_s"] = static_cast<double>(stalled);
   return health;
 }
 

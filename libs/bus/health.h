@@ -13,9 +13,26 @@
 
 namespace mapmend {
 
-class health_t;
+// What a process says of itself on MAPMEND_HEALTH.
+struct Health {
+  std::string process;  // frontend, submap_store, merger, viewer_export, hub
+  int pid = -1;
+  std::string version;
+  int64_t utime = 0;                       // wall clock; no decision depends on it
+  std::string state;                       // starting, ready, busy, done, error
+  std::string message;                     // one line for a person; the error if state is error
+  std::map<std::string, int64_t> cursors;  // by session: how far it has been read or written
+  int queue_depth = 0;
+  double cpu_s = 0, rss_mb = 0, peak_rss_mb = 0;
+  std::map<std::string, double> counters;  // e.g. frames, fps, submaps, connections, gaps, bad_messages
+  bool operator==(const Health&) const = default;
+};
+template <>
+std::vector<uint8_t> Encode(const Health& health);
+template <>
+Decoded<Health> Decode(const uint8_t* data, int size);
 
-// Publishes health_t at 1 Hz from a thread of its own, however busy its owner is, and at once when the state changes. A
+// Publishes Health at 1 Hz from a thread of its own, however busy its owner is, and at once when the state changes. A
 // process that is silent has been stopped or is starved; one that runs but whose work stands still is told by the
 // counter stalled_s: seconds since its owner last gave a sign of life. Thread-safe. The bus must outlive it.
 class HealthReporter {
@@ -38,7 +55,7 @@ class HealthReporter {
  private:
   using Clock = std::chrono::steady_clock;
   void Run();
-  health_t MakeMessage() const;  // with the lock held
+  Health MakeHealth() const;  // with the lock held
 
   const std::string process_;
   mutable std::mutex mutex_;  // guards all below

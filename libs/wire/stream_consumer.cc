@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <chrono>
 #include <map>
-#include <mapmend/ack_t.hpp>
 #include <optional>
 #include <stdexcept>
 #include <utility>
 
 #include "libs/bus/channels.h"
 #include "libs/wire/codec.h"
+#include "libs/wire/stream_codec.h"
 
 namespace mapmend {
 namespace {
@@ -97,7 +97,7 @@ struct StreamConsumer::Impl {
     if (SessionState* session = Find(header->session)) Keep(session, header->seq, channel, data, size);
   }
 
-  void OnAck(const ack_t& ack) {
+  void OnAck(const StreamAck& ack) {
     if (!listed_once || ack.cumulative < 0 || !IsSessionId(ack.session)) return;
     SessionState* session = FindOrAdd(ack.session);
     session->acknowledged = std::max(session->acknowledged, ack.cumulative);
@@ -216,8 +216,8 @@ StreamConsumer::StreamConsumer(Bus* bus, StoreClient* store, Handler handler) : 
         channel, Delivery::kKeepAll,
         [impl = impl_.get(), channel](const uint8_t* data, int size) { impl->OnRecord(channel, data, size); }));
   }
-  impl_->subscriptions.push_back(bus->Subscribe<ack_t>(channels::kAck, Delivery::kKeepAll,
-                                                       [impl = impl_.get()](const ack_t& ack) { impl->OnAck(ack); }));
+  impl_->subscriptions.push_back(bus->Subscribe<StreamAck>(
+      channels::kAck, Delivery::kKeepAll, [impl = impl_.get()](const StreamAck& ack) { impl->OnAck(ack); }));
 }
 
 StreamConsumer::~StreamConsumer() = default;

@@ -7,9 +7,6 @@
 #include <chrono>
 #include <condition_variable>
 #include <deque>
-#include <mapmend/ack_t.hpp>
-#include <mapmend/store_started_t.hpp>
-#include <mapmend/stream_state_t.hpp>
 #include <mutex>
 #include <optional>
 #include <stdexcept>
@@ -21,6 +18,7 @@
 #include "libs/wire/outbox.h"
 #include "libs/wire/record_checksums.h"
 #include "libs/wire/send_window.h"
+#include "libs/wire/stream_codec.h"
 
 namespace mapmend {
 namespace {
@@ -88,7 +86,7 @@ struct StreamSender::Impl {
   }
 
   // Inside Handle, on the sender's thread.
-  void OnAck(const ack_t& ack) {
+  void OnAck(const StreamAck& ack) {
     if (ack.session != session) return;
     // A store that has more than we have ever made knows of earlier lives of this session: a power cut took the end of
     // the outbox, or the flight was flown again. What we have inherited is among it; of what we made, it says nothing.
@@ -111,7 +109,7 @@ struct StreamSender::Impl {
   }
 
   // Inside Handle, as the next.
-  void OnStoreStarted(const store_started_t& message) {
+  void OnStoreStarted(const StoreStarted& message) {
     if (store_incarnation >= 0 && store_incarnation != message.incarnation) window.OnNewPeer();
     store_incarnation = message.incarnation;
   }
@@ -174,7 +172,7 @@ struct StreamSender::Impl {
     const auto now = Clock::now();
     if (now - last_heartbeat < std::chrono::milliseconds(options.heartbeat_ms)) return;
     last_heartbeat = now;
-    stream_state_t state{};
+    StreamState state;
     state.session = session;
     state.first = outbox.Empty() ? last_kept + 1 : outbox.FirstSeq();
     state.last = last_kept;
@@ -203,11 +201,11 @@ struct StreamSender::Impl {
 
 StreamSender::StreamSender(Bus* bus, const std::string& session, const StreamSenderOptions& options)
     : impl_(std::make_unique<Impl>(bus, session, options)) {
-  impl_->acks = bus->Subscribe<ack_t>(channels::kAck, Delivery::kKeepAll,
-                                      [impl = impl_.get()](const ack_t& ack) { impl->OnAck(ack); });
-  impl_->starts = bus->Subscribe<store_started_t>(
+  impl_->acks = bus->Subscribe<StreamAck>(channels::kAck, Delivery::kKeepAll,
+                                          [impl = impl_.get()](const StreamAck& ack) { impl->OnAck(ack); });
+  impl_->starts = bus->Subscribe<StoreStarted>(
       channels::kStoreStarted, Delivery::kKeepAll,
-      [impl = impl_.get()](const store_started_t& message) { impl->OnStoreStarted(message); });
+      [impl = impl_.get()](const StoreStarted& message) { impl->OnStoreStarted(message); });
   impl_->thread = std::thread([impl = impl_.get()] { impl->Run(); });
 }
 

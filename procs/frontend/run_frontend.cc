@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
-#include <mapmend/frame_pose_t.hpp>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -18,6 +17,7 @@
 #include "libs/capture/image_mask.h"
 #include "libs/retrieval/vocabulary.h"
 #include "libs/stream/session_id.h"
+#include "libs/wire/stream_codec.h"
 #include "libs/wire/stream_sender.h"
 #include "procs/frontend/flight_diary.h"
 #include "procs/frontend/frame_queue.h"
@@ -41,18 +41,16 @@ double Percentile(std::vector<double> values, double share) {
   return *at;
 }
 
-frame_pose_t ToMessage(const std::string& session, const Frame& frame, const FrameOutcome& outcome) {
-  frame_pose_t message;
-  message.session = session;
-  message.utime = frame.utime;
-  message.frame = frame.index;
+FramePose PoseOf(const std::string& session, const Frame& frame, const FrameOutcome& outcome) {
   const bool tracked = outcome.state == FrontendState::kTracking;
-  message.submap = tracked ? outcome.submap.value : -1;
-  message.state = tracked ? "tracking" : outcome.state == FrontendState::kLost ? "lost" : "initialising";
-  const auto pose = ToArray(outcome.cam_from_submap);
-  std::copy(pose.begin(), pose.end(), message.cam_from_submap);
-  message.num_inliers = outcome.num_inliers;
-  return message;
+  FramePose pose;
+  pose.submap = {session, tracked ? outcome.submap : SubmapId()};
+  pose.utime = frame.utime;
+  pose.frame = frame.index;
+  pose.state = tracked ? "tracking" : outcome.state == FrontendState::kLost ? "lost" : "initialising";
+  pose.cam_from_submap = outcome.cam_from_submap;
+  pose.num_inliers = outcome.num_inliers;
+  return pose;
 }
 
 // For the report: "a.mp4", or "a.mp4 and 2 more".
@@ -286,7 +284,7 @@ void FrontendRun::OnFrame(const FramePtr& frame) {
   num_unseen_ += frame->num_unseen;
   const FrameOutcome outcome = frontend_.ProcessFrame(frame);
   track_ms_.push_back(1e3 * outcome.tracking_s);
-  bus_.Publish(channels::kFramePose, ToMessage(session_, *frame, outcome));
+  bus_.Publish(channels::kFramePose, PoseOf(session_, *frame, outcome));
   spdlog::debug("frame {}: {} {} {} inliers{}; {} features, brightness {:.0f}, sharpness {:.1f}", frame->index,
                 ToString(outcome.method), ToString(outcome.cause), outcome.num_inliers,
                 outcome.keyframe ? ", keyframe" : "", frame->features.Size(), frame->mean_brightness, frame->sharpness);

@@ -1,25 +1,18 @@
 #include "procs/mapmend/health_monitor.h"
 
+#include <utility>
+
 #include "libs/bus/channels.h"
-#include "mapmend/health_t.hpp"
 
 namespace mapmend {
 
 HealthMonitor::HealthMonitor(Bus* bus) {
-  subscription_ = bus->Subscribe<health_t>(channels::kHealth, Delivery::kKeepAll, [this](const health_t& health) {
+  subscription_ = bus->Subscribe<Health>(channels::kHealth, Delivery::kKeepAll, [this](const Health& health) {
     Entry& entry = entries_[{health.process, health.pid}];
-    entry.process = health.process;
-    entry.pid = health.pid;
-    entry.version = health.version;
-    entry.state = health.state;
-    entry.message = health.message;
-    entry.queue_depth = health.queue_depth;
-    entry.cpu_s = health.cpu_s;
-    entry.rss_mb = health.rss_mb;
-    entry.peak_rss_mb = health.peak_rss_mb;
-    for (const counter_t& counter : health.counters) entry.counters[counter.name] = counter.value;
-    for (const cursor_t& cursor : health.cursors) entry.cursors[cursor.session] = cursor.seq;
-    entry.received = std::chrono::steady_clock::now();
+    const Entry before = std::move(entry);
+    entry = {health, std::chrono::steady_clock::now()};
+    entry.counters.insert(before.counters.begin(), before.counters.end());
+    entry.cursors.insert(before.cursors.begin(), before.cursors.end());
   });
 }
 

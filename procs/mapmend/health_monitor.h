@@ -7,19 +7,14 @@
 #include <string>
 
 #include "libs/bus/bus.h"
+#include "libs/bus/health.h"
 
 namespace mapmend {
 
 // The last word of every process on MAPMEND_HEALTH.
 class HealthMonitor {
  public:
-  struct Entry {
-    std::string process, version, state, message;
-    int pid = -1;
-    int queue_depth = 0;
-    double cpu_s = 0, rss_mb = 0, peak_rss_mb = 0;
-    std::map<std::string, double> counters;
-    std::map<std::string, int64_t> cursors;  // by session
+  struct Entry : Health {  // counters and cursors: the last value of each that was ever told
     std::chrono::steady_clock::time_point received;
   };
 

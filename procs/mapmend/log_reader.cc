@@ -7,7 +7,6 @@
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
 #include "libs/wire/record_checksums.h"
-#include "mapmend/record_checksum_t.hpp"
 
 namespace mapmend {
 namespace {
@@ -71,14 +70,13 @@ void LogReader::OnRecord(const LoggedEvent& event, const char* channel, int file
 }
 
 void LogReader::OnChecksums(const LoggedEvent& event, int file) {
-  record_checksum_t message{};
-  if (!DecodeMessage(event.data.data(), static_cast<int>(event.data.size()), &message)) return;
-  if (!IsSessionId(message.session) || message.first_seq < 0) return;
+  const auto list = Decode<RecordChecksumList>(event.data).value;
+  if (!list) return;
   files_with_checksums_.insert(file);
-  for (int32_t i = 0; i < message.num_records; ++i) {
+  int64_t seq = list->first_seq;
+  for (const uint32_t checksum : list->crc32) {
     // More than one, if a message with checksums was damaged itself: then the record fits one of them.
-    auto& known = sessions_[message.session].checksums[message.first_seq + i];
-    const auto checksum = static_cast<uint32_t>(message.crc32[static_cast<size_t>(i)]);
+    auto& known = sessions_[list->session].checksums[seq++];
     if (std::find(known.begin(), known.end(), checksum) == known.end()) known.push_back(checksum);
   }
 }

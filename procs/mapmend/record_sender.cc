@@ -3,8 +3,7 @@
 #include <algorithm>
 
 #include "libs/bus/channels.h"
-#include "mapmend/ack_t.hpp"
-#include "mapmend/stream_state_t.hpp"
+#include "libs/wire/stream_codec.h"
 
 namespace mapmend {
 namespace {
@@ -16,7 +15,7 @@ constexpr milliseconds kHeartbeat(50), kResendAfter(100);
 }  // namespace
 
 RecordSender::RecordSender(Bus* bus) : bus_(bus) {
-  acks_ = bus_->Subscribe<ack_t>(channels::kAck, Delivery::kKeepAll, [this](const ack_t& ack) {
+  acks_ = bus_->Subscribe<StreamAck>(channels::kAck, Delivery::kKeepAll, [this](const StreamAck& ack) {
     const auto session = sessions_.find(ack.session);
     if (session == sessions_.end()) return;
     store_error_ = ack.error;
@@ -53,14 +52,13 @@ void RecordSender::Tick() {
   if (now - last_heartbeat_ < kHeartbeat) return;
   last_heartbeat_ = now;
   for (const auto& [id, session] : sessions_) {
-    stream_state_t state{};
+    StreamState state;
     state.session = id;
     state.first = session.pending.empty() ? session.last + 1 : session.pending.front().record.seq;
     state.last = session.last;
     state.utime =
         std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch())
             .count();
-    state.ended = false;
     bus_->Publish(channels::kStreamState, state);
   }
 }

@@ -1,18 +1,18 @@
 #include <chrono>
 #include <filesystem>
 #include <map>
-#include <mapmend/session_t.hpp>
-#include <mapmend/submap_t.hpp>
 #include <memory>
 #include <optional>
 #include <set>
 #include <stdexcept>
+#include <vector>
 
 #include "libs/base/stop_request.h"
 #include "libs/base/write_file.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/process.h"
 #include "libs/retrieval/vocabulary.h"
+#include "libs/wire/codec.h"
 #include "procs/mapmend/backend.h"
 #include "procs/mapmend/commands.h"
 #include "procs/mapmend/finish_run.h"
@@ -37,10 +37,14 @@ struct StationOptions {
 class FlightBook {
  public:
   FlightBook(Bus* bus, Progress* progress) : progress_(progress) {
-    sessions_ = bus->Subscribe<session_t>(channels::kSession, Delivery::kKeepAll,
-                                          [this](const session_t& message) { OnSession(message); });
-    submaps_ = bus->Subscribe<submap_t>(channels::kSubmap, Delivery::kKeepAll,
-                                        [this](const submap_t& message) { OnSubmap(message); });
+    for (const char* channel : {channels::kSession, channels::kSubmap}) {
+      subscriptions_.push_back(
+          bus->SubscribeRaw(channel, Delivery::kKeepAll, [this, channel](const uint8_t* data, int size) {
+            const DecodedRecord decoded = DecodeRecord(channel, data, size);
+            if (!decoded.record) throw std::runtime_error(decoded.error);  // the bus counts it as refused
+            OnRecord(*decoded.record);
+          }));
+    }
   }
 
   int NumOpen() const {
@@ -56,34 +60,35 @@ class FlightBook {
     std::set<int64_t> told;  // records are sent again until they are acknowledged
   };
 
-  Flight* Find(const record_header_t& header) {
+  // The flight, if it is known and this record of it is new.
+  Flight* Find(const RecordHeader& header) {
     const auto it = flights_.find(header.session);
     return it != flights_.end() && it->second.told.insert(header.seq).second ? &it->second : nullptr;
   }
 
-  void OnSession(const session_t& message) {
-    if (message.event == session_t::STARTED) {
-      const std::string id = message.header.session.substr(0, 8);
-      const std::string name = message.vehicle.empty() ? "flight " + id : message.vehicle + " (" + id + ")";
-      if (flights_.try_emplace(message.header.session, Flight{name, false, {}}).second)
-        progress_->Say(name + ": flies " + message.source);
-    } else if (Flight* flight = Find(message.header)) {
+  void OnRecord(const Record& record) {
+    const std::string& session = record.header.session;
+    if (const auto* started = std::get_if<SessionStarted>(&record.body)) {
+      const std::string id = session.substr(0, 8);
+      const std::string name = started->vehicle.empty() ? "flight " + id : started->vehicle + " (" + id + ")";
+      if (flights_.try_emplace(session, Flight{name, false, {}}).second)
+        progress_->Say(name + ": flies " + started->source);
+    } else if (const auto* ended = std::get_if<SessionEnded>(&record.body)) {
+      Flight* flight = Find(record.header);
+      if (flight == nullptr) return;
       flight->ended = true;
-      progress_->Say(flight->name + ": has ended after " + std::to_string(message.num_frames) + " frames");
-    }
-  }
-
-  void OnSubmap(const submap_t& message) {
-    if (message.event != submap_t::ENDED) return;
-    if (Flight* flight = Find(message.header)) {
-      progress_->Say(flight->name + ": submap " + std::to_string(message.submap) + " ends at frame " +
-                     std::to_string(message.last_frame) + ": " + message.reason);
+      progress_->Say(flight->name + ": has ended after " + std::to_string(ended->num_frames) + " frames");
+    } else if (const auto* submap = std::get_if<SubmapEnded>(&record.body)) {
+      if (const Flight* flight = Find(record.header)) {
+        progress_->Say(flight->name + ": submap " + std::to_string(submap->submap.value) + " ends at frame " +
+                       std::to_string(submap->last_frame) + ": " + submap->reason);
+      }
     }
   }
 
   Progress* progress_;
   std::map<std::string, Flight> flights_;
-  Subscription sessions_, submaps_;
+  std::vector<Subscription> subscriptions_;
 };
 
 // What to type on board.

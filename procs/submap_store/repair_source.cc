@@ -4,7 +4,6 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
-#include <mapmend/record_checksum_t.hpp>
 #include <set>
 #include <stdexcept>
 
@@ -33,13 +32,11 @@ void ReadRecording(const std::string& path, const std::function<void(EncodedReco
   std::map<std::pair<std::string, int64_t>, std::set<uint32_t>> checksums;
   LoggedEvent event;
   for (RecordingFile file(path); file.Next(&event);) {
-    record_checksum_t message{};
     if (!event.channel.ends_with(channels::kChecksum)) continue;
-    if (!DecodeMessage(event.data.data(), static_cast<int>(event.data.size()), &message)) continue;
-    for (int32_t i = 0; i < message.num_records; ++i) {
-      checksums[{message.session, message.first_seq + i}].insert(
-          static_cast<uint32_t>(message.crc32[static_cast<size_t>(i)]));
-    }
+    const auto list = Decode<RecordChecksumList>(event.data).value;
+    if (!list) continue;
+    int64_t seq = list->first_seq;
+    for (const uint32_t crc32 : list->crc32) checksums[{list->session, seq++}].insert(crc32);
   }
   for (RecordingFile file(path); file.Next(&event);) {
     for (const char* channel : kRecordChannels) {

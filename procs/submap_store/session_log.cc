@@ -50,7 +50,7 @@ SessionLog::Offered SessionLog::Offer(EncodedRecord encoded, int64_t now_ms) {
   return Offered::kPending;
 }
 
-void SessionLog::OnHeartbeat(const stream_state_t& state, int64_t now_ms) {
+void SessionLog::OnHeartbeat(const StreamState& state, int64_t now_ms) {
   if (state.last < -1 || state.last > prepared_ + kMaxBehind || state.first < 0 || state.first > state.last + 1) {
     ++num_refused_;
     return;
@@ -191,8 +191,8 @@ std::vector<LogItem> SessionLog::TakeClosing() {
   return items;
 }
 
-ack_t SessionLog::MakeAck(const std::string& store_error) const {
-  ack_t ack{};
+StreamAck SessionLog::MakeAck(const std::string& store_error) const {
+  StreamAck ack;
   ack.session = session_;
   // What the frontend may still have must not be acknowledged to it.
   ack.cumulative = closed_from_ >= 0 ? std::min(committed_, closed_from_ - 1) : committed_;
@@ -212,7 +212,6 @@ ack_t SessionLog::MakeAck(const std::string& store_error) const {
       ++num_holes;
     }
   }
-  ack.num_missing = static_cast<int32_t>(ack.missing.size());
   return ack;
 }
 

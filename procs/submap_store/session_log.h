@@ -1,12 +1,11 @@
 #pragma once
 
 #include <map>
-#include <mapmend/ack_t.hpp>
-#include <mapmend/stream_state_t.hpp>
 #include <string>
 #include <variant>
 #include <vector>
 
+#include "libs/stream/stream_messages.h"
 #include "libs/stream/submap.h"
 #include "libs/wire/codec.h"
 
@@ -49,7 +48,7 @@ class SessionLog {
   // it a gap.
   enum class Offered { kPending, kDuplicate, kRefused };
   Offered Offer(EncodedRecord record, int64_t now_ms);
-  void OnHeartbeat(const stream_state_t& state, int64_t now_ms);
+  void OnHeartbeat(const StreamState& state, int64_t now_ms);
 
   // Everything that can be committed now, in order. The caller commits it and then calls Committed, or tries again
   // later with the same items: they are handed out once.
@@ -63,7 +62,7 @@ class SessionLog {
   // first record comes that will do. Only before anything of it is committed.
   void RefuseSession(const std::string& error);
 
-  ack_t MakeAck(const std::string& store_error) const;
+  StreamAck MakeAck(const std::string& store_error) const;
   bool IsAlive(int64_t now_ms) const;  // its frontend sends heartbeats
   bool WasHeard(int64_t now_ms, int64_t within_ms) const { return now_ms - last_heard_ms_ <= within_ms; }
   int64_t Cumulative() const { return committed_; }

@@ -3,11 +3,11 @@
 #include <spdlog/spdlog.h>
 
 #include <chrono>
-#include <mapmend/store_started_t.hpp>
 #include <random>
 
 #include "libs/bus/channels.h"
 #include "libs/wire/query_codec.h"
+#include "libs/wire/stream_codec.h"
 
 namespace mapmend {
 namespace {
@@ -33,7 +33,7 @@ StoreAdapter::StoreAdapter(Bus* bus, SubmapStore* store)
         }));
   }
   subscriptions_.push_back(
-      bus->Subscribe<stream_state_t>(channels::kStreamState, Delivery::kKeepAll, [this](const stream_state_t& state) {
+      bus->Subscribe<StreamState>(channels::kStreamState, Delivery::kKeepAll, [this](const StreamState& state) {
         if (!store_->MustReload()) store_->OnHeartbeat(state, SteadyMs());
       }));
   Serve<BowQuery, BowAnswer>(channels::kBowQuery, channels::kBowResult,
@@ -96,18 +96,14 @@ void StoreAdapter::Spin(int timeout_ms) {
   for (const std::string& session : store_->CommitReady(now)) bus_->Publish(channels::kAck, store_->Ack(session));
   if (now - last_ack_ms_ >= kAckIntervalMs) {
     last_ack_ms_ = now;
-    for (const ack_t& ack : store_->Acks(now)) bus_->Publish(channels::kAck, ack);
+    for (const StreamAck& ack : store_->Acks(now)) bus_->Publish(channels::kAck, ack);
   }
   requests_.Answer(now, kMaxReplyBytesAtOnce);
   has_background_work_ = store_->WorkInBackground();
   ReportHealth(now);
 }
 
-void StoreAdapter::TellIncarnation() {
-  store_started_t message{};
-  message.incarnation = incarnation_;
-  bus_->Publish(channels::kStoreStarted, message);
-}
+void StoreAdapter::TellIncarnation() { bus_->Publish(channels::kStoreStarted, StoreStarted{incarnation_}); }
 
 void StoreAdapter::ReportHealth(int64_t now_ms) {
   if (now_ms - last_health_ms_ < kHealthIntervalMs) {

@@ -160,7 +160,7 @@ void SubmapStore::OnRecord(const std::string& channel, const uint8_t* data, int 
   if (offered == SessionLog::Offered::kRefused || is_conflict) ++num_refused_;
 }
 
-void SubmapStore::OnHeartbeat(const stream_state_t& state, int64_t now_ms) {
+void SubmapStore::OnHeartbeat(const StreamState& state, int64_t now_ms) {
   SessionState* session = IsSessionId(state.session) ? FindOrAdd(state.session) : nullptr;
   if (session == nullptr) {
     ++num_refused_;
@@ -327,15 +327,15 @@ bool SubmapStore::WorkInBackground() {
   return !geometry_.empty();
 }
 
-std::vector<ack_t> SubmapStore::Acks(int64_t now_ms) const {
-  std::vector<ack_t> acks;
+std::vector<StreamAck> SubmapStore::Acks(int64_t now_ms) const {
+  std::vector<StreamAck> acks;
   for (const auto& [uuid, state] : sessions_) {
     if (state->log.WasHeard(now_ms, kAckWithinMs)) acks.push_back(state->log.MakeAck(error_));
   }
   return acks;
 }
 
-ack_t SubmapStore::Ack(const std::string& session) const { return sessions_.at(session)->log.MakeAck(error_); }
+StreamAck SubmapStore::Ack(const std::string& session) const { return sessions_.at(session)->log.MakeAck(error_); }
 
 FetchAnswer SubmapStore::Fetch(const FetchRequest& request) {
   FetchAnswer answer;

@@ -2,8 +2,6 @@
 
 #include <deque>
 #include <map>
-#include <mapmend/ack_t.hpp>
-#include <mapmend/stream_state_t.hpp>
 #include <memory>
 #include <set>
 #include <string>
@@ -38,7 +36,7 @@ class SubmapStore {
 
   // The stream.
   void OnRecord(const std::string& channel, const uint8_t* data, int size, int64_t now_ms);
-  void OnHeartbeat(const stream_state_t& state, int64_t now_ms);
+  void OnHeartbeat(const StreamState& state, int64_t now_ms);
   // Commits what has come in order, in one transaction. Returns the sessions that went forward (to be acknowledged).
   std::vector<std::string> CommitReady(int64_t now_ms);
   // True once a session that was closed in its frontend's absence has been taken up again, because the frontend turned
@@ -49,8 +47,8 @@ class SubmapStore {
   // Does a little of what can wait. True if there is more.
   bool WorkInBackground();
   // Of sessions heard of in the last two seconds.
-  std::vector<ack_t> Acks(int64_t now_ms) const;
-  ack_t Ack(const std::string& session) const;
+  std::vector<StreamAck> Acks(int64_t now_ms) const;
+  StreamAck Ack(const std::string& session) const;
 
   // Requests.
   BowAnswer Query(const BowQuery& query) { return search_.Query(query); }

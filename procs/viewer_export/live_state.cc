@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <mapmend/frame_pose_t.hpp>
-#include <mapmend/health_t.hpp>
 #include <nlohmann/json.hpp>
 
 #include "procs/viewer_export/graph_export.h"
@@ -32,7 +30,7 @@ int CountLosses(const Snapshot& snapshot) {
 // state: waiting, tracking, lost, merging, whole, parts; with a headline for it.
 void AddHeadline(const Snapshot& snapshot, const LiveInputs& inputs, Json* json) {
   const MapModel& model = *snapshot.model;
-  const LiveInputs::FramePose& pose = inputs.Pose();
+  const FramePose& pose = inputs.Pose();
   std::string state, headline, detail;
   if (model.SessionOrder().empty()) {
     state = "waiting";
@@ -129,7 +127,8 @@ Json Restorations(const Snapshot& snapshot) {
 Json Processes(const LiveInputs& inputs) {
   Json processes = Json::array();
   const auto now = std::chrono::steady_clock::now();
-  for (const auto& [name, health] : inputs.HealthOf()) {
+  for (const auto& [name, heard] : inputs.HealthOf()) {
+    const Health& health = heard.health;
     std::string note;
     for (const auto& [counter, value] : health.counters) {
       note +=
@@ -138,7 +137,7 @@ Json Processes(const LiveInputs& inputs) {
     processes.push_back({{"name", name},
                          {"state", health.state},
                          {"message", health.message},
-                         {"age_s", std::chrono::duration<double>(now - health.arrival).count()},
+                         {"age_s", std::chrono::duration<double>(now - heard.arrival).count()},
                          {"cpu_s", health.cpu_s},
                          {"rss_mb", health.rss_mb},
                          {"note", note}});
@@ -148,28 +147,8 @@ Json Processes(const LiveInputs& inputs) {
 
 }  // namespace
 
-void LiveInputs::OnFramePose(const frame_pose_t& message) {
-  pose_.state = message.state;
-  pose_.frame = message.frame;
-  pose_.num_inliers = message.num_inliers;
-  pose_.submap = {message.session, SubmapId(message.submap)};
-  const double* p = message.cam_from_submap;
-  if (std::all_of(p, p + 7, [](double v) { return std::isfinite(v); }) && message.submap >= 0) {
-    pose_.cam_from_submap = RigidFromArray(p);
-  } else {
-    pose_.submap.submap = SubmapId();
-  }
-}
-
-void LiveInputs::OnHealth(const health_t& message) {
-  Health& health = health_[message.process];
-  health.state = message.state;
-  health.message = message.message;
-  health.cpu_s = message.cpu_s;
-  health.rss_mb = message.rss_mb;
-  health.counters.clear();
-  for (const counter_t& counter : message.counters) health.counters[counter.name] = counter.value;
-  health.arrival = std::chrono::steady_clock::now();
+void LiveInputs::OnHealth(const Health& health) {
+  health_[health.process] = {health, std::chrono::steady_clock::now()};
 }
 
 std::string MakeLiveState(const MapModel& model, const LiveInputs& inputs, const GroundTruth* ground_truth,

@@ -4,39 +4,30 @@
 #include <map>
 #include <string>
 
-#include "libs/geometry/rigid3.h"
+#include "libs/bus/health.h"
+#include "libs/stream/stream_messages.h"
 #include "procs/viewer_export/map_evaluation.h"
 
 namespace mapmend {
-class frame_pose_t;
-class health_t;
 
 // What the live page shows beside the map: where the camera is and how the processes are.
 class LiveInputs {
  public:
-  void OnFramePose(const frame_pose_t& message);
-  void OnHealth(const health_t& message);
+  void OnFramePose(const FramePose& pose) { pose_ = pose; }
+  void OnHealth(const Health& health);
 
-  struct FramePose {
-    SubmapKey submap;   // submap id -1: not tracked
-    std::string state;  // initialising, tracking, lost; empty: no pose was received
-    int frame = -1;
-    Rigid3 cam_from_submap;
-    int num_inliers = 0;
-  };
-  struct Health {
-    std::string state, message;
-    double cpu_s = 0, rss_mb = 0;
-    std::map<std::string, double> counters;
+  struct Heard {
+    Health health;
     std::chrono::steady_clock::time_point arrival;
   };
 
+  // Before any was received, one with an empty state.
   const FramePose& Pose() const { return pose_; }
-  const std::map<std::string, Health>& HealthOf() const { return health_; }
+  const std::map<std::string, Heard>& HealthOf() const { return health_; }
 
  private:
   FramePose pose_;
-  std::map<std::string, Health> health_;  // by process name
+  std::map<std::string, Heard> health_;  // by process name
 };
 
 // What the live page reads, as JSON: {state, headline, detail, figures[] {value, label, note}, pictures[] (SVG), graph

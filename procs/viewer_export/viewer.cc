@@ -5,8 +5,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <mapmend/frame_pose_t.hpp>
-#include <mapmend/health_t.hpp>
 #include <vector>
 
 #include "libs/bus/bus.h"
@@ -15,6 +13,7 @@
 #include "libs/bus/process.h"
 #include "libs/wire/revision_codec.h"
 #include "libs/wire/store_client.h"
+#include "libs/wire/stream_codec.h"
 #include "libs/wire/stream_consumer.h"
 #include "procs/viewer_export/exporter.h"
 #include "procs/viewer_export/live_server.h"
@@ -80,10 +79,10 @@ void Viewer::Impl::Subscribe() {
       channels::kConnection, Delivery::kKeepAll,
       [this](const EvaluatedConnection& connection) { model.SetConnection(connection); }));
   if (server == nullptr) return;
-  subscriptions.push_back(bus->Subscribe<frame_pose_t>(
-      channels::kFramePose, Delivery::kLatest, [this](const frame_pose_t& message) { live.OnFramePose(message); }));
-  subscriptions.push_back(bus->Subscribe<health_t>(channels::kHealth, Delivery::kKeepAll,
-                                                   [this](const health_t& message) { live.OnHealth(message); }));
+  subscriptions.push_back(bus->Subscribe<FramePose>(channels::kFramePose, Delivery::kLatest,
+                                                    [this](const FramePose& pose) { live.OnFramePose(pose); }));
+  subscriptions.push_back(bus->Subscribe<Health>(channels::kHealth, Delivery::kKeepAll,
+                                                 [this](const Health& told) { live.OnHealth(told); }));
 }
 
 void Viewer::Impl::OnRecord(const Record& record) {

@@ -15,15 +15,8 @@ import sys
 # Beside libs/bus, libs/wire and libs/image_messages: adapters, which turn messages into what the cores work with.
 # Of the cores these still do; none may be added.
 MAY_INCLUDE_LCM = {
-    "procs/frontend": {"live_images.cc", "resume.cc", "run_frontend.cc"},
-    "procs/mapmend": {"close_command.cc", "continue_flight.cc", "edges_command.cc", "health_monitor.cc",
-                      "log_reader.cc", "map_file.cc", "publish_command.cc", "record_sender.cc",
-                      "session_rescue.cc", "station_command.cc", "undelivered.cc"},
-    "procs/merger": {"merger_process.cc"},
-    "procs/submap_store": {"bow_search.h", "db_repair.cc", "edge_decisions.h", "repair_source.cc", "revision_store.h",
-                           "session_log.h", "session_progress.h",
-                           "store_adapter.cc", "submap_store.h"},
-    "procs/viewer_export": {"live_state.cc", "viewer.cc"},
+    "procs/frontend": {"live_images.cc"},
+    "procs/mapmend": {"publish_command.cc"},
 }
 LCM_LIBRARIES = {"bus", "wire", "image_messages"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*["<]((?:libs|procs|tools|tests)/[^">]+|(?:mapmend|bot_core)/[^">]+)[">]', re.M)

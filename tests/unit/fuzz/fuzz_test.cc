@@ -4,7 +4,11 @@
 #include <random>
 
 #include "libs/bus/bus.h"
+#include "libs/bus/health.h"
 #include "libs/wire/codec.h"
+#include "libs/wire/query_codec.h"
+#include "libs/wire/revision_codec.h"
+#include "libs/wire/stream_codec.h"
 #include "tests/mutate_message.h"
 #include "tests/synthetic_stream.h"
 
@@ -40,6 +44,71 @@ TEST(Fuzz, EveryTypeDecodesOrIsRefused) {
 #define FUZZ_TYPE(type) FuzzType<type>(++seed);
   MAPMEND_LCM_TYPES(FUZZ_TYPE)
 #undef FUZZ_TYPE
+}
+
+// What a codec accepts can be sent on, and is then the same; what it refuses has a reason.
+template <typename Value>
+void FuzzCodec(const Value& value) {
+  constexpr int kMutationsOfValue = 20000;
+  const std::vector<uint8_t> original = Encode(value);
+  std::mt19937 random(5);
+  int num_accepted = 0, num_refused = 0;
+  for (int i = 0; i < kMutationsOfValue; ++i) {
+    const Decoded<Value> decoded = Decode<Value>(MutateMessage(original, &random));
+    ASSERT_NE(decoded.value.has_value(), !decoded.error.empty());
+    ++(decoded.value ? num_accepted : num_refused);
+    if (!decoded.value) continue;
+    const std::vector<uint8_t> sent_on = Encode(*decoded.value);
+    const Decoded<Value> again = Decode<Value>(sent_on);
+    ASSERT_TRUE(again.value) << again.error;
+    ASSERT_EQ(Encode(*again.value), sent_on);
+  }
+  EXPECT_GT(num_accepted, 100);
+  EXPECT_GT(num_refused, 1000);
+}
+
+TEST(Fuzz, RevisionsAreValidOrRefusedWithAReason) {
+  EvaluatedConnection connection;
+  connection.a = {"s", SubmapId(0)};
+  connection.b = {"s", SubmapId(1)};
+  connection.verdict = EvaluatedConnection::Verdict::kAccepted;
+  connection.pairs = {{KeyframeId(1), KeyframeId(2), 30}};
+  MergedTransforms transforms;
+  transforms.cursors = {{"s", 40}};
+  transforms.submaps = {{connection.a, 0, {}, true}, {connection.b, 0, {}, false}};
+  transforms.edges = {{0, 1}};
+  FuzzCodec(connection);
+  FuzzCodec(transforms);
+  FuzzCodec(RevisionHead{transforms, {connection}, 1});
+  FuzzCodec(RevisionPart{
+      3, 0, {connection.b, {{KeyframeId(3), {}, 2}}, {{MapPointId(9), {4, 5, 6}}}, {{MapPointId(8), "s", {}}}}});
+  FuzzCodec(GraphReply{{7, "edges"}, transforms, 1, {connection}});
+}
+
+TEST(Fuzz, QuestionsAndAnswersAreValidOrRefusedWithAReason) {
+  FuzzCodec(BowQuery{{1, "merger"}, {"s", KeyframeId(4), {{"s", 40}}, 20, false}});
+  BowAnswer answer;
+  answer.proposals = {{"s", SubmapId(0), KeyframeId(4), 0.5f, 0.25f, 30}};
+  FuzzCodec(answer);
+  FetchAnswer fetched;
+  fetched.session = "s";
+  fetched.records = {{"s", 3, "MAPMEND_KEYFRAME", {1, 2, 3}}, {"s", 4, "MAPMEND_SUBMAP", {4, 5}}};
+  fetched.sessions = {{"s", 4}};
+  FuzzCodec(fetched);
+  FuzzCodec(EdgeRequest{{1, "edges"}, {{{"s", SubmapId(0)}, {"s", SubmapId(1)}, true}}});
+  FuzzCodec(RevisionAnswer{{1, "viewer"}, RevisionAnswer::Status::kOk, 5, 0, 2, {1, 2, 3}});
+}
+
+TEST(Fuzz, WhatIsSaidBesideTheStreamIsValidOrRefusedWithAReason) {
+  FuzzCodec(StreamState{"s", 0, 7, 0, false});
+  FuzzCodec(StreamAck{"s", 7, {3, 4}, ""});
+  FuzzCodec(RecordChecksumList{"s", 0, {1, 2}});
+  FuzzCodec(FramePose{{"s", SubmapId(0)}, 0, 3, "tracking", {}, 40});
+  Health health;
+  health.process = "merger";
+  health.cursors["s"] = 7;
+  health.counters["connections"] = 3;
+  FuzzCodec(health);
 }
 
 TEST(Fuzz, RecordsAreValidOrRefusedWithAReason) {

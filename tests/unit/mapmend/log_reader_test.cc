@@ -66,7 +66,7 @@ class LogReaderTest : public testing::Test {
     };
     for (const int index : order) {
       const EncodedRecord encoded = EncodeRecord(records[index]);
-      if (with_checksums) write(prefix + channels::kChecksum, EncodeMessage(checksums.Of(encoded)));
+      if (with_checksums) write(prefix + channels::kChecksum, Encode(checksums.Of(encoded)));
       write(prefix + encoded.channel, encoded.data);
       write(prefix + channels::kHealth, {1, 2, 3});  // not of the stream
     }

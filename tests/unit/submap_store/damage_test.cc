@@ -136,7 +136,7 @@ class Repair : public Damage {
     for (const mapmend::Record& record : MakeSyntheticStream({})) {
       EncodedRecord encoded = EncodeRecord(record);
       if (std::count(without.begin(), without.end(), encoded.seq) > 0) continue;
-      std::vector<uint8_t> message = EncodeMessage(checksums.Of(encoded));
+      std::vector<uint8_t> message = Encode(checksums.Of(encoded));
       for (const auto& [channel, data] :
            {std::pair<std::string, std::vector<uint8_t>*>("v1_MAPMEND_CHECKSUM", &message),
             std::pair<std::string, std::vector<uint8_t>*>("v1_" + encoded.channel, &encoded.data)}) {

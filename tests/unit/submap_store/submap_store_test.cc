@@ -8,6 +8,7 @@
 
 #include "libs/wire/codec.h"
 #include "libs/wire/query_codec.h"
+#include "libs/wire/stream_codec.h"
 #include "procs/submap_store/db_commands.h"
 #include "tests/mutate_message.h"
 #include "tests/scratch_folder.h"
@@ -31,12 +32,7 @@ class SubmapStoreTest : public ::testing::Test {
   }
   // utime: the frontend's clock, which may be anything.
   void Heartbeat(int64_t first, int64_t last, int64_t utime = 0) {
-    stream_state_t state{};
-    state.session = options_.session;
-    state.first = first;
-    state.last = last;
-    state.utime = utime;
-    store_->OnHeartbeat(state, now_ms_);
+    store_->OnHeartbeat({options_.session, first, last, utime, false}, now_ms_);
   }
   void Commit() {
     store_->CommitReady(now_ms_);
@@ -396,8 +392,7 @@ TEST_F(SubmapStoreTest, DamagedMessagesOfAllKindsDoNoHarm) {
   };
   BowQuery query = QueryAsOf(KeyframeId(), -1);
   FetchRequest fetch{{}, options_.session, 0, 100, 1000};
-  stream_state_t state{};
-  state.session = options_.session;
+  StreamState state{options_.session, 0, -1, 0, false};
   for (size_t i = 0; i < records.size(); ++i) {
     for (int k = 0; k < 30; ++k) {
       const EncodedRecord encoded = EncodeRecord(records[random() % records.size()]);
@@ -407,8 +402,7 @@ TEST_F(SubmapStoreTest, DamagedMessagesOfAllKindsDoNoHarm) {
     Offer(records[i]);
     state.last = static_cast<int64_t>(i);
     state.utime = 1000000 * now_ms_;
-    stream_state_t bad_state{};
-    if (mutated(state, &bad_state)) store_->OnHeartbeat(bad_state, now_ms_);
+    if (const auto bad = mutated(state)) store_->OnHeartbeat(*bad, now_ms_);
     query.cursors[0].seq = static_cast<int64_t>(i);
     query.keyframe = KeyframeId(static_cast<int>(i / 3));
     if (const auto bad = mutated(query)) store_->Query(*bad);

@@ -3,8 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <mapmend/frame_pose_t.hpp>
-#include <mapmend/health_t.hpp>
 #include <nlohmann/json.hpp>
 
 #include "tests/unit/viewer_export/test_flight.h"
@@ -23,12 +21,11 @@ TEST(LiveStateTest, FollowsAFlightFromStartToEnd) {
   MapModel model;
   EXPECT_EQ(State(model)["state"], "waiting");
   LiveInputs inputs;
-  frame_pose_t pose{};
-  pose.session = flight.Key(0).session;
+  FramePose pose;
+  pose.submap = flight.Key(0);
   pose.frame = 5;
   pose.state = "tracking";
   pose.num_inliers = 99;
-  pose.cam_from_submap[6] = 1;
   inputs.OnFramePose(pose);
   for (size_t i = 0; i < flight.Records().size() / 3; ++i) ASSERT_EQ(model.Apply(flight.Records()[i]), "");
   nlohmann::json state = State(model, inputs);
@@ -37,7 +34,7 @@ TEST(LiveStateTest, FollowsAFlightFromStartToEnd) {
   ASSERT_EQ(state["pictures"].size(), 1u);
   EXPECT_THAT(state["pictures"][0].get<std::string>(), HasSubstr("r=\"5.5\"")) << "the mark of the camera";
   pose.state = "lost";
-  pose.submap = -1;
+  pose.submap.submap = SubmapId();
   inputs.OnFramePose(pose);
   EXPECT_EQ(State(model, inputs)["state"], "lost");
   model = MakeModel(flight);
@@ -61,14 +58,11 @@ TEST(LiveStateTest, FollowsAFlightFromStartToEnd) {
 
 TEST(LiveStateTest, ShowsTheHealthOfEveryProcess) {
   LiveInputs inputs;
-  health_t health{};
+  Health health;
   health.process = "merger";
   health.state = "busy";
   health.message = "refining";
-  counter_t counter;
-  counter.name = "connections";
-  counter.value = 3;
-  health.counters.push_back(counter);
+  health.counters["connections"] = 3;
   inputs.OnHealth(health);
   const nlohmann::json process = State(MapModel(), inputs)["processes"][0];
   EXPECT_EQ(process["name"], "merger");

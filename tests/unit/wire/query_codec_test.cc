@@ -13,15 +13,6 @@
 namespace mapmend {
 namespace {
 
-template <typename Value>
-void ExpectBack(const Value& value) {
-  const std::vector<uint8_t> data = Encode(value);
-  const Decoded<Value> decoded = Decode<Value>(data);
-  ASSERT_TRUE(decoded.value) << decoded.error;
-  EXPECT_TRUE(*decoded.value == value);
-  EXPECT_EQ(Encode(*decoded.value), data);
-}
-
 Addressed RandomAddress(RandomValues* random) { return {random->Seq(), random->Text()}; }
 
 template <typename Status>
@@ -41,7 +32,8 @@ BowQuery RandomQuery(RandomValues* random) {
 }
 
 BowAnswer RandomBowAnswer(RandomValues* random) {
-  BowAnswer answer{RandomAddress(random)};
+  BowAnswer answer;
+  static_cast<Addressed&>(answer) = RandomAddress(random);
   answer.status = RandomStatus(BowAnswer::Status::kBadQuery, random);
   answer.session = random->Session();
   answer.keyframe = RandomKeyframe(random);
@@ -60,7 +52,8 @@ BowAnswer RandomBowAnswer(RandomValues* random) {
 }
 
 FetchAnswer RandomFetchAnswer(RandomValues* random) {
-  FetchAnswer answer{RandomAddress(random)};
+  FetchAnswer answer;
+  static_cast<Addressed&>(answer) = RandomAddress(random);
   answer.status = RandomStatus(FetchAnswer::Status::kBadRequest, random);
   answer.session = random->Session();
   answer.cumulative = random->Seq();
@@ -74,7 +67,8 @@ FetchAnswer RandomFetchAnswer(RandomValues* random) {
 }
 
 SessionProgress RandomProgress(RandomValues* random) {
-  SessionProgress progress{RandomAddress(random)};
+  SessionProgress progress;
+  static_cast<Addressed&>(progress) = RandomAddress(random);
   progress.status = RandomStatus(SessionProgress::Status::kUnknownSession, random);
   progress.session = random->Session();
   progress.cumulative = random->Seq();

@@ -1,10 +1,14 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
+#include <cmath>
 #include <cstdint>
 #include <random>
 #include <string>
 #include <vector>
 
+#include "libs/bus/bus.h"
 #include "libs/geometry/similarity3.h"
 #include "libs/stream/ids.h"
 #include "libs/stream/stream_cursor.h"
@@ -57,5 +61,15 @@ class RandomValues {
  private:
   std::mt19937 random_;
 };
+
+// Decode(Encode(x)) == x, and to the last bit.
+template <typename Value>
+void ExpectBack(const Value& value) {
+  const std::vector<uint8_t> data = Encode(value);
+  const Decoded<Value> decoded = Decode<Value>(data);
+  ASSERT_TRUE(decoded.value) << decoded.error;
+  EXPECT_TRUE(*decoded.value == value);
+  EXPECT_EQ(Encode(*decoded.value), data);
+}
 
 }  // namespace mapmend

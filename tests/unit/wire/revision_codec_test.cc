@@ -78,15 +78,6 @@ RevisionPart RandomPart(RandomValues* random) {
   return part;
 }
 
-template <typename Value>
-void ExpectBack(const Value& value) {
-  const std::vector<uint8_t> data = Encode(value);
-  const Decoded<Value> decoded = Decode<Value>(data);
-  ASSERT_TRUE(decoded.value) << decoded.error;
-  EXPECT_TRUE(*decoded.value == value);
-  EXPECT_EQ(Encode(*decoded.value), data);
-}
-
 TEST(RevisionCodec, WhatIsEncodedComesBackToTheLastBit) {
   RandomValues random(1);
   for (int i = 0; i < 300; ++i) {
