@@ -17,6 +17,9 @@ class LayersTest(unittest.TestCase):
         self.folder = tempfile.TemporaryDirectory()
         self.root = pathlib.Path(self.folder.name)
         self.write("libs/CMakeLists.txt", "foreach(lib base geometry bus wire)\n")
+        for folder, names in layers.MAY_INCLUDE_LCM.items():
+            for name in names:
+                self.write(f"{folder}/{name}", "#include <mapmend/image_t.hpp>\n")
 
     def tearDown(self):
         self.folder.cleanup()
@@ -51,6 +54,18 @@ class LayersTest(unittest.TestCase):
     def test_a_message_in_a_core(self):
         self.assertEqual(len(self.problems_of("procs/merger/a.cc", "<mapmend/ack_t.hpp>")), 1)
         self.assertEqual(len(self.problems_of("libs/geometry/a.cc", '"mapmend/ack_t.hpp"')), 2)
+
+    def test_an_adapter_that_needs_no_message_types_any_more(self):
+        problems = self.problems_of("procs/frontend/live_images.cc", '"libs/wire/b.h"')
+        self.assertEqual(len(problems), 1)
+        self.assertIn("procs/frontend/live_images.cc", problems[0])
+
+    def test_an_adapter_that_is_gone(self):
+        (self.root / "procs/mapmend/publish_command.cc").unlink()
+        self.assertEqual(len(layers.check(self.root)), 1)
+
+    def test_an_adapter_is_one_by_its_folder(self):
+        self.assertEqual(len(self.problems_of("procs/merger/live_images.cc", "<mapmend/ack_t.hpp>")), 1)
 
     def test_tests(self):
         self.assertEqual(len(self.problems_of("procs/merger/a.cc", '"tests/merger_fixture.h"')), 1)
