@@ -18,7 +18,7 @@ namespace mapmend {
 // itself (a == b): the loops within it.
 struct EvaluatedConnection {
   enum class Verdict { kAccepted = 0, kRejected = 1, kDeactivated = 2 };  // the numbers on the wire and in files
-  struct FramePair {  // connected frames that the estimate rests on
+  struct FramePair {                                                      // connected frames that the estimate rests on
     KeyframeId a, b;
     int num_inliers = 0;
     bool operator==(const FramePair&) const = default;

@@ -7,8 +7,8 @@
 #include "libs/stream/revision.h"
 #include "libs/stream/store_questions.h"
 
-// What the merger says, to and from its wire form. Decode treats the bytes as untrusted: session names, ids, counts that
-// must agree, finite values, unit quaternions and positive scales are checked; the error names the field. What was
+// What the merger says, to and from its wire form. Decode treats the bytes as untrusted: session names, ids, counts
+// that must agree, finite values, unit quaternions and positive scales are checked; the error names the field. What was
 // decoded and is encoded again is the same to the last bit.
 namespace mapmend {
 

@@ -163,7 +163,8 @@ StoreClient::FetchedRevision StoreClient::FetchRevision(int64_t number, int time
     if (reply->status != RevisionAnswer::Status::kOk || reply->revision != found) return result;
     Decoded<RevisionPart> part = Decode<RevisionPart>(reply->data);
     result.error = part.error;
-    if (part.value && part.value->revision != revision.transforms.revision) result.error = "a part is of another revision";
+    if (part.value && part.value->revision != revision.transforms.revision)
+      result.error = "a part is of another revision";
     if (!result.error.empty()) return result;
     revision.refined.push_back(std::move(part.value->submap));
   }

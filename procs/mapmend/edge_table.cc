@@ -34,9 +34,8 @@ EdgeTable::EdgeTable(GraphReply graph, const std::vector<std::string>& session_o
   const auto rank = [&](const SubmapKey& key) {
     return std::find(session_order.begin(), session_order.end(), key.session) - session_order.begin();
   };
-  std::sort(submaps_.begin(), submaps_.end(), [&](const SubmapKey& l, const SubmapKey& r) {
-    return std::tuple(rank(l), l) < std::tuple(rank(r), r);
-  });
+  std::sort(submaps_.begin(), submaps_.end(),
+            [&](const SubmapKey& l, const SubmapKey& r) { return std::tuple(rank(l), l) < std::tuple(rank(r), r); });
 }
 
 int EdgeTable::Number(const SubmapKey& submap) const {
@@ -69,8 +68,9 @@ SubmapKey EdgeTable::FindSubmap(const std::string& text) const {
 std::vector<const EvaluatedConnection*> EdgeTable::Strongest() const {
   std::vector<const EvaluatedConnection*> connections;
   for (const EvaluatedConnection& c : graph_.connections) connections.push_back(&c);
-  std::stable_sort(connections.begin(), connections.end(),
-                   [](const EvaluatedConnection* l, const EvaluatedConnection* r) { return l->strength > r->strength; });
+  std::stable_sort(
+      connections.begin(), connections.end(),
+      [](const EvaluatedConnection* l, const EvaluatedConnection* r) { return l->strength > r->strength; });
   return connections;
 }
 
@@ -90,13 +90,15 @@ std::vector<std::pair<int, int>> EdgeTable::SwitchedOff(const std::vector<EdgeDe
 std::string EdgeTable::Json(const std::vector<EdgeDecision>& decisions) const {
   nlohmann::ordered_json json = {
       {"revision", graph_.transforms.revision},   {"refined", graph_.transforms.refined},
-      {"final", graph_.transforms.is_final}, {"submaps", nlohmann::ordered_json::array()},
+      {"final", graph_.transforms.is_final},      {"submaps", nlohmann::ordered_json::array()},
       {"edges", nlohmann::ordered_json::array()}, {"switched_off", SwitchedOff(decisions)}};
   std::map<int, const MergedTransforms::Place*> by_number;
   for (const MergedTransforms::Place& s : graph_.transforms.submaps) by_number[Number(s.key)] = &s;
   for (const auto& [number, s] : by_number) {
-    json["submaps"].push_back(
-        {{"number", number}, {"session", s->key.session}, {"submap", s->key.submap.value}, {"component", s->component}});
+    json["submaps"].push_back({{"number", number},
+                               {"session", s->key.session},
+                               {"submap", s->key.submap.value},
+                               {"component", s->component}});
   }
   for (const EvaluatedConnection* c : Strongest()) {
     json["edges"].push_back({{"a", Number(c->a)},

@@ -107,7 +107,8 @@ void WorkLive(const EdgesOptions& options, const std::string& url) {
   const EdgeTable before(AskMerger(&bus, kAnswerMs, [](const GraphReply&) { return true; }), sessions);
   const std::vector<EdgeDecision> all = Decide(&store, {MakeDecision(options, before)});
   const EdgeTable after(
-      AskMerger(&bus, kHeedMs, [&](const GraphReply& graph) { return graph.num_decisions >= static_cast<int>(all.size()); }),
+      AskMerger(&bus, kHeedMs,
+                [&](const GraphReply& graph) { return graph.num_decisions >= static_cast<int>(all.size()); }),
       sessions);
   Print(options, after, all);
 }
@@ -126,9 +127,7 @@ EdgeTable ReadTable(Backend* backend, const std::string& db) {
 
 // Whether the last word on this pair of submaps says the same; without any, an edge is not disabled.
 bool IsInForce(const EdgeDecision& decision, const std::vector<EdgeDecision>& all) {
-  const auto ends = [](const EdgeDecision& d) {
-    return std::pair(std::min(d.a, d.b), std::max(d.a, d.b));
-  };
+  const auto ends = [](const EdgeDecision& d) { return std::pair(std::min(d.a, d.b), std::max(d.a, d.b)); };
   bool is_disabled = false;
   for (const EdgeDecision& earlier : all) {
     if (ends(earlier) == ends(decision)) is_disabled = earlier.disabled;

@@ -180,9 +180,8 @@ class MergerLoop {
         bus->SubscribeRaw(channels::kKeyframe, Delivery::kKeepAll, [this](const uint8_t* data, int size) {
           if (const auto header = PeekHeader(data, size)) latency_.OnHeard(header->session, header->seq);
         }));
-    subscriptions_.push_back(
-        bus->Subscribe<GraphRequest>(channels::kGraphRequest, Delivery::kKeepAll,
-                                     [this](const GraphRequest& request) { OnGraphRequest(request); }));
+    subscriptions_.push_back(bus->Subscribe<GraphRequest>(
+        channels::kGraphRequest, Delivery::kKeepAll, [this](const GraphRequest& request) { OnGraphRequest(request); }));
   }
 
   void Run() {

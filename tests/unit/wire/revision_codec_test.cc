@@ -52,8 +52,8 @@ MergedTransforms RandomTransforms(RandomValues* random) {
   });
   const int last = static_cast<int>(t.submaps.size()) - 1;
   if (last >= 0) {
-    t.edges = random->List<std::pair<int, int>>(
-        8, [&] { return std::pair(random->Int(0, last), random->Int(0, last)); });
+    t.edges =
+        random->List<std::pair<int, int>>(8, [&] { return std::pair(random->Int(0, last), random->Int(0, last)); });
   }
   return t;
 }
@@ -170,8 +170,7 @@ TEST(RevisionCodec, RefusesAHeadThatCannotBe) {
 }
 
 TEST(RevisionCodec, RefusesAPartThatCannotBe) {
-  const RevisionPart sound{
-      7, 0, {{"s", SubmapId(1)}, {{KeyframeId(3), {}, 2}}, {{MapPointId(9), {4, 5, 6}}}, {}}};
+  const RevisionPart sound{7, 0, {{"s", SubmapId(1)}, {{KeyframeId(3), {}, 2}}, {{MapPointId(9), {4, 5, 6}}}, {}}};
   const std::function<void(revision_part_t*)> changes[] = {
       [](revision_part_t* p) { p->revision = -1; },
       [](revision_part_t* p) { p->part = -1; },
