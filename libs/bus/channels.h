@@ -9,6 +9,7 @@ inline constexpr char kSession[] = "MAPMEND_SESSION";
 inline constexpr char kSubmap[] = "MAPMEND_SUBMAP";
 inline constexpr char kKeyframe[] = "MAPMEND_KEYFRAME";
 inline constexpr char kMapUpdate[] = "MAPMEND_MAP_UPDATE";
+inline constexpr char kWideFeatures[] = "MAPMEND_WIDE_FEATURES";
 inline constexpr char kAck[] = "MAPMEND_ACK";
 inline constexpr char kStoreStarted[] = "MAPMEND_STORE_STARTED";
 inline constexpr char kStreamState[] = "MAPMEND_STREAM_STATE";

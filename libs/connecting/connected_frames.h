@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -63,6 +64,11 @@ struct WindowSizes {
   int a = 0, b = 0;
 };
 
+// What wide features have found across a gap: shared by all pairs of frames that say so.
+struct WideCommonPoints {
+  std::vector<Eigen::Vector3d> in_a;  // that both submaps see, frame of a
+};
+
 struct ConnectedFrames {
   bool success = false;
   std::string reason;  // one sentence with numbers, for a person
@@ -78,6 +84,8 @@ struct ConnectedFrames {
   WindowSizes wanted;           // what the difference in viewing distance calls for; zeros if no transform was found
   std::vector<CrossMatch> a_in_b, b_in_a;                        // inliers, thinned to max_kept
   std::vector<std::pair<MapPointId, MapPointId>> common_points;  // (a's, b's), ascending, each point at most once
+  // Connected by wide features, not by map points: then there are no matches and no pairs of map points. Null: by ORB.
+  std::shared_ptr<const WideCommonPoints> wide;
 };
 
 // Verifies one proposed pair. a and b may view the same submap (loop closure): then points in common beforehand do not

@@ -37,6 +37,8 @@ CrossObservations ResolveSome(const SubmapView& a, const SubmapView& b, const Ma
   return ResolveMatches(a, b, Thinned(matches.a_in_b, max_each_way), Thinned(matches.b_in_a, max_each_way));
 }
 
+constexpr size_t kMaxProbes = 30;
+
 // Common points (frame of a) spread over the evidence, for the cycle check.
 std::vector<Eigen::Vector3d> Probes(const Connection& c, const Submap& a) {
   std::vector<Eigen::Vector3d> all;
@@ -47,7 +49,6 @@ std::vector<Eigen::Vector3d> Probes(const Connection& c, const Submap& a) {
       if (it != a.points.end()) all.push_back(it->second.position.cast<double>());
     }
   }
-  constexpr size_t kMaxProbes = 30;
   return Thinned(all, kMaxProbes);
 }
 
@@ -60,6 +61,34 @@ double ViewingDistance(const Connection& c, const Submap& a) {
     if (depth > 0) return depth;
   }
   return 1;
+}
+
+// Wide features have looked at the two submaps as they will stay, all frames together: there is nothing to estimate.
+void EstimateWide(const Submap& a, const ConnectionOptions& options, Connection* c) {
+  std::vector<double> angles;
+  const ConnectedFrames* first = nullptr;
+  for (size_t i = 0; i < c->evidence.size(); ++i) {
+    const ConnectedFrames& e = c->evidence[i];
+    c->agrees[i] = e.wide != nullptr;
+    if (!c->agrees[i]) continue;
+    if (first == nullptr) first = &e;
+    ++c->num_connected_frames;
+    angles.push_back(e.median_angle_rad * 180 / M_PI);
+  }
+  c->b_from_a = first->b_from_a;
+  c->information = first->information;
+  c->num_inliers = c->num_common_points = static_cast<int>(first->wide->in_a.size());
+  c->median_error_px = first->median_error_px;
+  c->median_angle_deg = std::min(Median(angles), kMaxUsefulAngleDeg);
+  c->strength = ConnectionStrength(c->num_connected_frames, c->num_common_points, c->median_angle_deg);
+  c->probes = Thinned(first->wide->in_a, kMaxProbes);
+  c->viewing_distance = ViewingDistance(*c, a);
+  c->reason = kWideReason + first->reason;
+  if (c->strength < options.min_strength) {
+    c->reason += Format("; strength %.1f is below %.1f", c->strength, options.min_strength);
+    return;
+  }
+  c->verdict = Connection::Verdict::kAccepted;
 }
 
 }  // namespace
@@ -81,6 +110,13 @@ void EstimateConnection(const SubmapView& a, const SubmapView& b, const Connecti
   if (c->evidence.empty()) {
     c->reason =
         Format("none of %d proposed pairs of keyframes holds; best: ", c->num_candidates) + c->best_failure.reason;
+    return;
+  }
+
+  c->is_wide =
+      std::any_of(c->evidence.begin(), c->evidence.end(), [](const ConnectedFrames& e) { return e.wide != nullptr; });
+  if (c->is_wide) {
+    EstimateWide(*a.submap, options, c);
     return;
   }
 

@@ -22,6 +22,7 @@ struct Connection : EvaluatedConnection {
   std::vector<char> agrees;             // per evidence
   std::vector<Eigen::Vector3d> probes;  // some common points, frame of a, spread over the evidence
   double viewing_distance = 1;          // units of a
+  bool is_wide = false;                 // found by wide features; then `reason` begins with kWideReason
 };
 
 // What is announced of a connection: without the evidence, but with the pairs of keyframes that agree.

@@ -109,7 +109,8 @@ ConnectionGraph::ActiveEdges ConnectionGraph::Estimate(const Sessions& sessions,
     if (connection.verdict != Connection::Verdict::kAccepted) continue;
     if (IsDisabled(pair)) {
       connection.verdict = Connection::Verdict::kDeactivated;
-      connection.reason = "switched off by hand; would be used: " + connection.reason;
+      connection.reason =
+          (connection.is_wide ? kWideReason : "") + ("switched off by hand; would be used: " + connection.reason);
       continue;
     }
     active.edges.push_back({index.at(pair.older), index.at(pair.younger), connection.strength, connection.b_from_a,
@@ -135,7 +136,7 @@ std::vector<const Connection*> ConnectionGraph::Solve(const Sessions& sessions, 
   for (size_t i = 0; i < active.connections.size(); ++i) {
     if (consistent.active[i]) continue;
     active.connections[i]->verdict = Connection::Verdict::kDeactivated;
-    active.connections[i]->reason = consistent.reason[i];
+    active.connections[i]->reason = (active.connections[i]->is_wide ? kWideReason : "") + consistent.reason[i];
   }
   tree_.clear();
   for (const int e : consistent.forest.edges) {

@@ -13,6 +13,11 @@ void Release(std::vector<T>* values) {
 
 }  // namespace
 
+WideFeaturesRecord KeyframeSource::ReadWide(const std::string& session, int64_t seq) {
+  throw std::runtime_error("there is no place to read wide features from, record " + std::to_string(seq) +
+                           " of session " + session);
+}
+
 bool KeyframeCache::IsComplete(const SubmapKeyframe& keyframe) {
   return keyframe.features.keypoints.size() == keyframe.map_points.size();
 }

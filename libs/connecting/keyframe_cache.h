@@ -16,6 +16,8 @@ class KeyframeSource {
   virtual ~KeyframeSource() = default;
   // The record of a keyframe. Throws std::runtime_error if it cannot be had.
   virtual KeyframeRecord Read(const std::string& session, int64_t seq) = 0;
+  // Wide features, likewise.
+  virtual WideFeaturesRecord ReadWide(const std::string& session, int64_t seq);
 };
 
 // Bounds what keyframes take in memory: features and vocabulary nodes, the bulk of a keyframe, are held of the

@@ -27,6 +27,7 @@ std::string MergerOptions::Check() const {
   if (const std::string e = search.Check(); !e.empty()) return e;
   if (const std::string e = graph.Check(); !e.empty()) return e;
   if (const std::string e = refinement.Check(); !e.empty()) return "refinement: " + e;
+  if (const std::string e = wide.Check(); !e.empty()) return "wide: " + e;
   return "";
 }
 
@@ -35,6 +36,8 @@ Merger::Merger(const MergerOptions& options, BowSource* bow, MergerOutput* outpu
       output_(output),
       keyframes_(keyframes),
       search_(options.search, &sessions_, bow, keyframes, [output] { output->OnProgress("looking for connections"); }),
+      wide_search_(options.wide, &sessions_, keyframes,
+                   [output] { output->OnProgress("bridging gaps by wide features"); }),
       graph_(options.graph),
       refinement_(options.refinement) {}
 
@@ -53,8 +56,10 @@ std::string Merger::Consume(const Record& record) {
     return error;
   }
   ++num_records_;
-  if (std::holds_alternative<SessionStarted>(record.body))
+  if (std::holds_alternative<SessionStarted>(record.body)) {
     search_.SetSeed(options_.seed.value_or(SeedOfFlights(sessions_).value_or(1)));
+    wide_search_.SetSeed(search_.seed());
+  }
   complete_ = false;
   if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body)) {
     search_.OnKeyframe({id, keyframe->submap}, keyframe->keyframe);
@@ -64,6 +69,9 @@ std::string Merger::Consume(const Record& record) {
       Announce(*looked_at, false);  // step 6
       search_.AskAgain(&graph_);
     }
+  } else if (const auto* wide = std::get_if<WideFeaturesRecord>(&record.body)) {
+    // Half a megabyte each, and seldom needed: they are read again.
+    if (keyframes_ != nullptr) session.submaps.at(wide->submap).ForgetWide(*wide);
   } else if (const auto* end = std::get_if<SubmapEnded>(&record.body)) {
     const std::set<SubmapPair> looked_at = search_.OnSubmapEnd({id, end->submap}, &graph_);
     session.submaps.at(end->submap).ForgetObservations();
@@ -102,7 +110,8 @@ void Merger::SetDecisions(const std::vector<EdgeDecision>& decisions) {
 
 void Merger::Complete() {
   ConnectionGraph graph = graph_.WithoutConnections();
-  const std::set<SubmapPair> looked_at = search_.SearchAll(&graph);
+  std::set<SubmapPair> looked_at = search_.SearchAll(&graph);
+  looked_at.merge(wide_search_.Bridge(&graph));
   graph_ = std::move(graph);
   refinement_.Forget();
   complete_ = true;

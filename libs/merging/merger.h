@@ -9,6 +9,7 @@
 
 #include "libs/connecting/connection_graph.h"
 #include "libs/connecting/connection_search.h"
+#include "libs/connecting/wide_search.h"
 #include "libs/merging/refinement_schedule.h"
 #include "libs/merging/refinement_task.h"
 #include "libs/stream/revision.h"
@@ -32,6 +33,7 @@ struct MergerOptions {
   ConnectionSearchOptions search;
   ConnectionGraphOptions graph;
   RefinementScheduleOptions refinement;
+  WideSearchOptions wide;
 
   std::string Check() const;
 };
@@ -94,6 +96,7 @@ class Merger {
   KeyframeSource* keyframes_;
   Sessions sessions_;
   ConnectionSearch search_;
+  WideSearch wide_search_;
   ConnectionGraph graph_;
   RefinementSchedule refinement_;
   int64_t num_records_ = 0;

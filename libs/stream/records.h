@@ -7,14 +7,15 @@
 #include <vector>
 
 #include "libs/features/features.h"
+#include "libs/features/wide_features.h"
 #include "libs/geometry/camera.h"
 #include "libs/geometry/rigid3.h"
 #include "libs/retrieval/bow_vector.h"
 #include "libs/stream/ids.h"
 
 // The records of the stream as plain C++ (lcmtypes/*.lcm are their wire form; libs/wire/codec.h converts). A session is
-// the sequence SessionStarted, then SubmapStarted, KeyframeRecord, MapUpdate, SubmapEnded in any legal order, then
-// SessionEnded.
+// the sequence SessionStarted, then SubmapStarted, KeyframeRecord, MapUpdate, SubmapEnded, WideFeaturesRecord in any
+// legal order, then SessionEnded.
 namespace mapmend {
 
 struct RecordHeader {
@@ -95,7 +96,17 @@ struct MapUpdate {
   std::vector<TrackedFrame> frames;
 };
 
-using RecordBody = std::variant<SessionStarted, SessionEnded, SubmapStarted, SubmapEnded, KeyframeRecord, MapUpdate>;
+// Of a keyframe that was published before, or of a frame that was not tracked between a submap and the next. May follow
+// the end of its submap.
+struct WideFeaturesRecord {
+  SubmapId submap;
+  KeyframeId keyframe;  // none: a frame that was not tracked
+  int frame = -1;
+  WideFeatures features;
+};
+
+using RecordBody = std::variant<SessionStarted, SessionEnded, SubmapStarted, SubmapEnded, KeyframeRecord, MapUpdate,
+                                WideFeaturesRecord>;
 
 struct Record {
   RecordHeader header;

@@ -2,6 +2,10 @@
 
 namespace mapmend {
 
+bool IsWide(const EvaluatedConnection& connection) { return connection.reason.starts_with(kWideReason); }
+
+const char* KindOf(const EvaluatedConnection& connection) { return IsWide(connection) ? "wide" : "orb"; }
+
 const char* ToString(EvaluatedConnection::Verdict verdict) {
   switch (verdict) {
     case EvaluatedConnection::Verdict::kAccepted:

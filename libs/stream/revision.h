@@ -41,6 +41,12 @@ struct EvaluatedConnection {
   bool operator==(const EvaluatedConnection&) const = default;
 };
 
+// Begins the reason of a connection that wide features have found; the wire form and old files have no other place for
+// it.
+inline constexpr char kWideReason[] = "wide features: ";
+bool IsWide(const EvaluatedConnection& connection);
+// How a connection was found: "orb", or "wide".
+const char* KindOf(const EvaluatedConnection& connection);
 // "accepted", "rejected", "deactivated".
 const char* ToString(EvaluatedConnection::Verdict verdict);
 

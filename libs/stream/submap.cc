@@ -146,6 +146,20 @@ std::string ApplyKeyframe(Submap* submap, const RecordHeader& header, const Keyf
   return "";
 }
 
+// Whether there is such a keyframe is not asked: who holds no more than an ended submap's outline takes the record too.
+std::string ApplyWide(Submap* submap, const RecordHeader& header, const WideFeaturesRecord& record) {
+  if (record.features.keypoints.size() != record.features.descriptors.size())
+    return "wide features: feature counts disagree";
+  if (record.features.keypoints.size() > kMaxFeatures) return "wide features: too many";
+  const bool is_keyframe = record.keyframe.IsValid();
+  if (!is_keyframe && record.frame < 0) return "wide features: of nothing";
+  if (is_keyframe ? submap->wide.contains(record.keyframe) : submap->wide_between.contains(record.frame))
+    return "wide features: told before";
+  SubmapWideFeatures& wide = is_keyframe ? submap->wide[record.keyframe] : submap->wide_between[record.frame];
+  wide = {header.seq, header.utime, std::make_shared<const WideFeatures>(record.features)};
+  return "";
+}
+
 }  // namespace
 
 TrackedFrame Submap::Resolved(TrackedFrame frame) const {
@@ -176,6 +190,10 @@ CompactVector<SharingKeyframe> Submap::CountShared(const SubmapKeyframe& keyfram
     return SharingKeyframe{c.first, c.second};
   });
   return shared;
+}
+
+void Submap::ForgetWide(const WideFeaturesRecord& record) {
+  (record.keyframe.IsValid() ? wide.at(record.keyframe) : wide_between.at(record.frame)).features = nullptr;
 }
 
 void Submap::ForgetObservations() {
@@ -215,6 +233,11 @@ std::string Session::Apply(const Record& record) {
     const auto it = submaps.find(submap_id);
     if (it == submaps.end()) return "unknown submap " + std::to_string(submap_id.value);
     Submap& submap = it->second;
+    if (const auto* wide = std::get_if<WideFeaturesRecord>(&record.body)) {
+      error = ApplyWide(&submap, record.header, *wide);
+      if (error.empty()) last_seq = record.header.seq;
+      return error;
+    }
     if (submap.ended) return "submap " + std::to_string(submap_id.value) + " has ended";
     if (const auto* submap_end = std::get_if<SubmapEnded>(&record.body)) {
       submap.ended = true;

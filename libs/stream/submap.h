@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -51,6 +52,13 @@ struct RemovedKeyframe {
   Rigid3 cam_from_successor;
 };
 
+// Wide features of a keyframe, which may be culled since. Null: they are read again when needed.
+struct SubmapWideFeatures {
+  int64_t seq = -1;   // of their record
+  int64_t utime = 0;  // of the image
+  std::shared_ptr<const WideFeatures> features;
+};
+
 struct Submap {
   SubmapId id;
   bool ended = false;
@@ -60,7 +68,9 @@ struct Submap {
   SortedMap<MapPointId, SubmapPoint> points;
   std::vector<TrackedFrame> frames;  // in the order they were tracked; they may refer to removed keyframes
   std::map<KeyframeId, RemovedKeyframe> removed_keyframes;
-  bool has_observations = true;  // of points; false: forgotten
+  std::map<KeyframeId, SubmapWideFeatures> wide;   // of some keyframes near the beginning and the end
+  std::map<int, SubmapWideFeatures> wide_between;  // of frames behind it that were not tracked, by their index
+  bool has_observations = true;                    // of points; false: forgotten
 
   // The frame relative to a keyframe that there is.
   TrackedFrame Resolved(TrackedFrame frame) const;
@@ -68,6 +78,8 @@ struct Submap {
 
   // Ascending by keyframe; without those that share nothing, and without itself.
   CompactVector<SharingKeyframe> CountShared(const SubmapKeyframe& keyframe) const;
+  // Lets go of what a record of wide features has brought, but for what is needed to read it again.
+  void ForgetWide(const WideFeaturesRecord& record);
   // Half of what map points take is who sees them, which the keyframes know as well. Of a submap that has ended, lets
   // go of it and keeps what else is asked of it, CountShared.
   void ForgetObservations();

@@ -8,6 +8,7 @@
 #include <mapmend/map_update_t.hpp>
 #include <mapmend/session_t.hpp>
 #include <mapmend/submap_t.hpp>
+#include <mapmend/wide_features_t.hpp>
 
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
@@ -167,6 +168,26 @@ RecordBody Decode(const map_update_t& m) {
   return body;
 }
 
+RecordBody Decode(const wide_features_t& m) {
+  Require(m.submap >= 0 && m.submap <= kMaxId && m.keyframe >= -1 && m.keyframe <= kMaxId,
+          "submap or keyframe is out of range");
+  Require(m.frame >= -1 && m.frame <= kMaxFrame, "frame is out of range");
+  const auto n = static_cast<size_t>(m.num_features);
+  Require(m.descriptors.size() == n * sizeof(WideDescriptor), "num_descriptor_bytes is not 128 * num_features");
+  Require(AllFinite(m.x) && AllFinite(m.y), "feature is not finite");
+  Require(std::all_of(m.descriptors.begin(), m.descriptors.end(), [](uint8_t v) { return v <= 127; }),
+          "descriptor is out of range");
+  WideFeaturesRecord body;
+  body.submap = SubmapId(m.submap);
+  body.keyframe = KeyframeId(m.keyframe);
+  body.frame = m.frame;
+  body.features.keypoints.resize(n);
+  body.features.descriptors.resize(n);
+  for (size_t i = 0; i < n; ++i) body.features.keypoints[i] = {{m.x[i], m.y[i]}, m.size[i], m.angle[i]};
+  if (n > 0) std::memcpy(body.features.descriptors.data(), m.descriptors.data(), m.descriptors.size());
+  return body;
+}
+
 template <typename Message>
 Record DecodeAs(const uint8_t* data, int size) {
   Message message{};
@@ -201,7 +222,7 @@ bool IsSessionId(const std::string& text) {
 
 bool IsRecordChannel(const std::string& channel) {
   return channel == channels::kSession || channel == channels::kSubmap || channel == channels::kKeyframe ||
-         channel == channels::kMapUpdate;
+         channel == channels::kMapUpdate || channel == channels::kWideFeatures;
 }
 
 DecodedRecord DecodeRecord(const EncodedRecord& record) {
@@ -219,6 +240,8 @@ DecodedRecord DecodeRecord(const std::string& channel, const uint8_t* data, int 
       result.record = DecodeAs<keyframe_t>(data, size);
     } else if (channel == channels::kMapUpdate) {
       result.record = DecodeAs<map_update_t>(data, size);
+    } else if (channel == channels::kWideFeatures) {
+      result.record = DecodeAs<wide_features_t>(data, size);
     } else {
       result.error = channel + " carries no records";
     }

@@ -4,6 +4,7 @@
 #include <mapmend/map_update_t.hpp>
 #include <mapmend/session_t.hpp>
 #include <mapmend/submap_t.hpp>
+#include <mapmend/wide_features_t.hpp>
 #include <stdexcept>
 
 #include "libs/bus/bus.h"
@@ -164,6 +165,30 @@ map_update_t ToMessage(const RecordHeader& header, const MapUpdate& body) {
   return message;
 }
 
+wide_features_t ToMessage(const RecordHeader& header, const WideFeaturesRecord& body) {
+  const WideFeatures& features = body.features;
+  const size_t n = features.keypoints.size();
+  if (features.descriptors.size() != n)
+    throw std::invalid_argument("wide features of keyframe " + std::to_string(body.keyframe.value) +
+                                ": feature counts disagree");
+  wide_features_t message{};
+  message.header = ToMessage(header);
+  message.submap = body.submap.value;
+  message.keyframe = body.keyframe.value;
+  message.frame = body.frame;
+  message.num_features = static_cast<int32_t>(n);
+  for (const WideKeypoint& keypoint : features.keypoints) {
+    message.x.push_back(keypoint.pixel.x());
+    message.y.push_back(keypoint.pixel.y());
+    message.size.push_back(keypoint.size);
+    message.angle.push_back(keypoint.angle);
+  }
+  message.descriptors.resize(n * sizeof(WideDescriptor));
+  if (n > 0) std::memcpy(message.descriptors.data(), features.descriptors.data(), message.descriptors.size());
+  message.num_descriptor_bytes = Count(message.descriptors);
+  return message;
+}
+
 const char* ChannelOf(const RecordBody& body) {
   switch (body.index()) {
     case 0:
@@ -174,8 +199,10 @@ const char* ChannelOf(const RecordBody& body) {
       return channels::kSubmap;
     case 4:
       return channels::kKeyframe;
-    default:
+    case 5:
       return channels::kMapUpdate;
+    default:
+      return channels::kWideFeatures;
   }
 }
 

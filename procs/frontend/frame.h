@@ -8,6 +8,10 @@
 #include "libs/features/matching.h"
 #include "libs/geometry/rigid3.h"
 
+namespace cv {
+class Mat;
+}  // namespace cv
+
 namespace mapmend {
 
 // One image after feature extraction. points is filled by tracking: per feature the index of the observed point in the
@@ -20,6 +24,7 @@ struct Frame {
   double sharpness = 0;        // mean absolute Laplacian, grey levels
   Features features;
   FeatureGrid grid;
+  std::shared_ptr<const cv::Mat> image;  // grey, for wide features; null: not kept, or let go of
   std::vector<int> points;
   Rigid3 cam_from_submap;
 };

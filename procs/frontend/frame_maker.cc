@@ -37,6 +37,18 @@ int KeepSeen(const std::vector<bool>& seen, RawFeatures* raw, std::vector<std::a
   return static_cast<int>(num_unseen);
 }
 
+// Larger images are halved: some of them are held, and wide features do not need them.
+std::shared_ptr<const cv::Mat> KeptImage(const cv::Mat& grey) {
+  constexpr size_t kMaxPixels = 4000000;
+  auto kept = std::make_shared<cv::Mat>(grey);
+  while (kept->total() > kMaxPixels) {
+    cv::Mat half;
+    cv::resize(*kept, half, {}, 0.5, 0.5, cv::INTER_AREA);
+    *kept = half;
+  }
+  return kept;
+}
+
 }  // namespace
 
 FramePtr FrameMaker::Make(const SourceImage& image) const {
@@ -53,6 +65,7 @@ FramePtr FrameMaker::Make(const SourceImage& image) const {
   if (pixels.channels() == 3) cv::cvtColor(pixels, grey, cv::COLOR_BGR2GRAY);
   if (pixels.channels() == 4) cv::cvtColor(pixels, grey, cv::COLOR_BGRA2GRAY);
   auto frame = std::make_shared<Frame>();
+  if (keep_images_) frame->image = KeptImage(grey);
   frame->index = image.index;
   frame->utime = image.utime;
   frame->mean_brightness = cv::mean(grey)[0];
@@ -78,6 +91,25 @@ FramePtr FrameMaker::Make(const SourceImage& image) const {
   frame->features.descriptors = std::move(raw.descriptors);
   frame->grid = FeatureGrid(frame->features.keypoints, camera_.width, camera_.height);
   return frame;
+}
+
+WideFeatures FrameMaker::ExtractWide(const cv::Mat& image, const WideExtractionOptions& options) const {
+  cv::Mat mask;
+  if (mask_) cv::resize(*mask_, mask, image.size(), 0, 0, cv::INTER_NEAREST);
+  WideFeatures features = ExtractWideFeatures(image, mask_ ? &mask : nullptr, options);
+  const float scale = static_cast<float>(camera_.width) / static_cast<float>(image.cols);
+  const auto larger = static_cast<int>(std::lround(WideKeypoint::kSizesPerOctave * std::log2(scale)));
+  std::vector<Eigen::Vector2f> distorted;
+  for (WideKeypoint& k : features.keypoints) {
+    distorted.emplace_back(scale * (k.pixel.x() + 0.5F) - 0.5F, scale * (k.pixel.y() + 0.5F) - 0.5F);
+    k.size = static_cast<uint8_t>(std::min(255, k.size + larger));
+  }
+  std::vector<bool> seen;
+  const std::vector<Eigen::Vector2f> undistorted = camera_.Undistort(distorted, &seen);
+  for (size_t i = 0; i < undistorted.size(); ++i) features.keypoints[i].pixel = undistorted[i];
+  Keep(seen, &features.keypoints);
+  Keep(seen, &features.descriptors);
+  return features;
 }
 
 }  // namespace mapmend

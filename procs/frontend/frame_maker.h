@@ -5,6 +5,7 @@
 
 #include "libs/capture/image_stream.h"
 #include "libs/features/orb_extractor.h"
+#include "libs/features/wide_features.h"
 #include "libs/geometry/camera.h"
 #include "procs/frontend/frame.h"
 
@@ -14,23 +15,27 @@ namespace mapmend {
 class FrameMaker {
  public:
   // camera: of the images as they come.  scaled: the same after scaling to its width and height.  mask: of that size,
-  // 0 where no feature may be; null: none.
+  // 0 where no feature may be; null: none.  keep_images: frames hold their grey image.
   FrameMaker(const Camera& camera, const Camera& scaled, const OrbOptions& options,
-             std::shared_ptr<const cv::Mat> mask = nullptr)
+             std::shared_ptr<const cv::Mat> mask = nullptr, bool keep_images = false)
       : input_width_(camera.width),
         input_height_(camera.height),
         camera_(scaled),
         extractor_(options),
-        mask_(std::move(mask)) {}
+        mask_(std::move(mask)),
+        keep_images_(keep_images) {}
 
   // Throws std::runtime_error if the image's size is not the camera's.
   FramePtr Make(const SourceImage& image) const;
+  // Of the image of a frame, undistorted.
+  WideFeatures ExtractWide(const cv::Mat& image, const WideExtractionOptions& options) const;
 
  private:
   int input_width_, input_height_;
   Camera camera_;
   OrbExtractor extractor_;
   std::shared_ptr<const cv::Mat> mask_;
+  bool keep_images_;
 };
 
 }  // namespace mapmend

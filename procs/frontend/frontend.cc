@@ -37,6 +37,7 @@ Frontend::Frontend(const FrontendOptions& options, const Pinhole& camera, const 
       keyframes_(options.keyframes),
       publisher_(options.publishing, vocabulary, std::move(emit)),
       starter_(options.starter, camera, pyramid, &tracker_, &keyframes_, &mapper_, &publisher_),
+      wide_(options.wide),
       motion_(options.motion) {
   if (!options.mapping_thread) return;
   mapping_ = std::make_unique<MappingThread>([this](int keyframe, MapLock* lock) { MapKeyframe(keyframe, lock); });
@@ -49,10 +50,20 @@ FrameOutcome Frontend::ProcessFrame(const FramePtr& frame) {
   const auto begin = std::chrono::steady_clock::now();
   const Locked locked(&lock_);
   mapping_s_ = 0;
+  EmitWide();
+  wide_.OnFrame(frame, map_.get());
   FrameOutcome outcome = map_ ? TrackFrame(frame) : Initialise(frame);
+  wide_.AfterFrame(frame, map_ && publisher_.Believed() && lost_.Count() == 0);
   outcome.mapping_s = mapping_s_;
   outcome.tracking_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() - mapping_s_;
   return outcome;
+}
+
+// Records must not be emitted by two threads at a time, and of a frontend without a mapping thread always in the same
+// order.
+void Frontend::EmitWide() {
+  if (mapping_ && mapping_->NumUnfinished() > 0) return;
+  publisher_.EmitAll(mapping_ ? wide_.TakeReady() : wide_.TakeDue());
 }
 
 FrameOutcome Frontend::Initialise(const FramePtr& frame) {
@@ -70,6 +81,7 @@ void Frontend::Begin(const Initialization& initialization, FrameOutcome* outcome
   std::unique_ptr<WorkingMap> map = starter_.Start(initialization, &ids_);
   if (!map) return;
   map_ = std::move(map);
+  for (const WorkingKeyframe& keyframe : map_->Keyframes()) wide_.OnKeyframe(keyframe.frame);
   frames_since_start_ = 0;
   lost_ = {};
   last_keyframe_ = last_reference_ = 1;
@@ -136,6 +148,7 @@ FrameOutcome Frontend::OnTracked(const FramePtr& frame, const TrackResult& resul
   outcome.cam_from_submap = frame->cam_from_submap;
   if (!publisher_.Believed() && frames_since_start_ >= options_.confirm_frames)
     outcome.submap_begin = Believe(frame->utime);
+  if (publisher_.Believed()) wide_.OnTracked(*map_);
   return outcome;
 }
 
@@ -151,10 +164,11 @@ void Frontend::TrackLostFrames() {
 int Frontend::Believe(int64_t utime) {
   WaitForMapping();
   publisher_.Believe();
-  const int first_frame = publisher_.FirstFrame();
+  const TrackedFrame first = publisher_.FirstFrame();
   starter_.Clear();
+  wide_.OnBelieved(first.utime);
   publisher_.Publish(utime, map_.get());
-  return first_frame;
+  return first.frame;
 }
 
 FrameOutcome Frontend::OnLost(const FramePtr& frame, LossReason reason) {
@@ -192,6 +206,7 @@ bool Frontend::NeedsKeyframe(const Frame& frame, const TrackResult& result) cons
 void Frontend::InsertKeyframe(const FramePtr& frame) {
   last_keyframe_ = map_->AddKeyframe(frame);
   last_reference_ = last_keyframe_;
+  wide_.OnKeyframe(frame);
   publisher_.NoteFrame(*map_, *frame, last_keyframe_);
   if (mapping_) {
     mapping_->Push(last_keyframe_);
@@ -230,27 +245,30 @@ void Frontend::AbandonSubmap() {
 
 void Frontend::CloseSubmap(LossReason reason, const std::string& detail) {
   WaitForMapping();
-  publisher_.End(*motion_.Last(), reason, detail, map_.get());
+  publisher_.Publish(motion_.Last()->utime, map_.get());
+  wide_.OnEnd(*map_, reason != LossReason::kEndOfInput);
+  publisher_.End(*motion_.Last(), reason, detail, *map_);
   ++num_losses_;
   LeaveSubmap();
 }
 
 void Frontend::LeaveSubmap() {
   map_.reset();
+  wide_.OnLeft();
   motion_.Clear();
   lost_ = {};
 }
 
 void Frontend::Finish() {
   const Locked locked(&lock_);
-  if (!map_) return;
-  if (!publisher_.Believed()) {
+  if (map_ && publisher_.Believed()) {
+    const int losses = num_losses_;
+    CloseSubmap(LossReason::kEndOfInput, "the input ended");
+    num_losses_ = losses;
+  } else if (map_) {
     AbandonSubmap();
-    return;
   }
-  const int losses = num_losses_;
-  CloseSubmap(LossReason::kEndOfInput, "the input ended");
-  num_losses_ = losses;
+  publisher_.EmitAll(wide_.TakeAll());
 }
 
 }  // namespace mapmend

@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "libs/base/range.h"
@@ -15,6 +16,7 @@
 #include "procs/frontend/record_publisher.h"
 #include "procs/frontend/submap_starter.h"
 #include "procs/frontend/tracker.h"
+#include "procs/frontend/wide_requests.h"
 
 namespace mapmend {
 
@@ -28,6 +30,7 @@ struct FrontendOptions {
   KeyframePolicyOptions keyframes;
   LossDiagnosisOptions diagnosis;
   RecordPublisherOptions publishing;
+  WideFeaturesOptions wide;
   int max_lost_frames = 3;         // consecutive frames without orientation: the submap is closed (paper §3.2)
   int relocalisation_frames = 10;  // further frames in which the submap may be found again before it is closed
   double jump_found_share = 0.15;  // of the points in view that must be found to believe a jump
@@ -44,6 +47,7 @@ struct FrontendOptions {
     v("keyframes", keyframes);
     v("diagnosis", diagnosis);
     v("publishing", publishing);
+    v("wide", wide);
     v("max_lost_frames", max_lost_frames, Range(1, 1000));
     v("relocalisation_frames", relocalisation_frames, Range(0, 100000));
     v("jump_found_share", jump_found_share, Range(0, 1));
@@ -83,6 +87,9 @@ class Frontend {
 
   // Before the first frame: ids that an earlier frontend of the same session has used are not used again.
   void ContinueAfter(const IdSource& ids) { ids_ = ids; }
+  // Before the first frame: the beginnings and ends of submaps get wide features if there is a gap to be bridged, an
+  // earlier submap or a loss. extract is called in a thread of its own.
+  void ExtractWideFeatures(WideExtraction::Extract extract) { wide_.Enable(std::move(extract)); }
   // With a mapping thread, throws what that threw.
   FrameOutcome ProcessFrame(const FramePtr& frame);
   // Closes the current submap at the end of the input.
@@ -116,6 +123,8 @@ class Frontend {
   void InsertKeyframe(const FramePtr& frame);
   void MapKeyframe(int keyframe, MapLock* lock);
   void WaitForMapping(size_t unfinished_keyframes = 0);
+  // Wide features that are to be published with this frame.
+  void EmitWide();
   // The submap is believed from now on. Returns its first frame.
   int Believe(int64_t utime);
   void CloseSubmap(LossReason reason, const std::string& detail);
@@ -129,6 +138,7 @@ class Frontend {
   KeyframePolicy keyframes_;
   RecordPublisher publisher_;
   SubmapStarter starter_;
+  WideRequests wide_;
   IdSource ids_;
 
   std::unique_ptr<WorkingMap> map_;  // null: no submap is tracked

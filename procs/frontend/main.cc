@@ -79,6 +79,11 @@ int main(int argc, char** argv) {
   app.add_option("--relocalisation-frames", options.frontend.relocalisation_frames,
                  "further frames in which a lost submap may be found again")
       ->capture_default_str();
+  app.add_option("--wide-keyframes", options.frontend.wide.num_keyframes,
+                 "first and last keyframes of a submap whose SIFT features are kept, for gaps that ORB cannot bridge; "
+                 "0: none")
+      ->check(CLI::Range(0, 100))
+      ->capture_default_str();
   if (const auto code = mapmend::ParseCommandLine(&app, argc, argv)) return *code;
   options.mode = live       ? mapmend::InputMode::kLive
                  : realtime ? mapmend::InputMode::kRealtime

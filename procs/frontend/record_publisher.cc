@@ -33,9 +33,9 @@ void RecordPublisher::NoteFrame(const WorkingMap& map, const Frame& frame, int r
   ++num_tracked_;
 }
 
-int RecordPublisher::FirstFrame() const {
+const TrackedFrame& RecordPublisher::FirstFrame() const {
   const auto by_frame = [](const TrackedFrame& a, const TrackedFrame& b) { return a.frame < b.frame; };
-  return std::min_element(frames_.begin(), frames_.end(), by_frame)->frame;
+  return *std::min_element(frames_.begin(), frames_.end(), by_frame);
 }
 
 KeyframeRecord RecordPublisher::Describe(int keyframe, const WorkingMap& map) const {
@@ -101,9 +101,9 @@ void RecordPublisher::PublishWaitingFrames(int64_t utime, SubmapId submap, bool 
   emit_(utime, std::move(update));
 }
 
-void RecordPublisher::End(const Frame& last, LossReason reason, const std::string& detail, WorkingMap* map) {
-  Publish(last.utime, map);
-  emit_(last.utime, SubmapEnded{map->Id(), ToString(reason), detail, last.index, last.utime});
+void RecordPublisher::End(const Frame& last, LossReason reason, const std::string& detail,
+                          const WorkingMap& map) const {
+  emit_(last.utime, SubmapEnded{map.Id(), ToString(reason), detail, last.index, last.utime});
 }
 
 }  // namespace mapmend

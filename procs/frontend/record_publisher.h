@@ -55,11 +55,11 @@ class RecordPublisher {
   // Frames that have waited long enough for a keyframe, without what else has changed: that goes with the next one.
   //   is_live  see max_waiting_s
   void PublishWaitingFrames(int64_t utime, SubmapId submap, bool is_live);
-  // Everything that is left, and the submap's end.
-  void End(const Frame& last, LossReason reason, const std::string& detail, WorkingMap* map);
+  // The submap's end, after all of it was published.  last: its last frame
+  void End(const Frame& last, LossReason reason, const std::string& detail, const WorkingMap& map) const;
 
   // Of those that are not published, the first frame with a pose.
-  int FirstFrame() const;
+  const TrackedFrame& FirstFrame() const;
   int NumTracked() const { return num_tracked_; }
 
  private:

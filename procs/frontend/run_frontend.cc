@@ -202,6 +202,7 @@ class FrontendRun {
   const Camera input_camera_, camera_;
   const Vocabulary vocabulary_;
   const OrbOptions orb_;
+  const bool wants_wide_;
   const FrameMaker maker_;
   const std::string session_;
   Bus bus_;
@@ -228,7 +229,8 @@ FrontendRun::FrontendRun(const RunOptions& options, std::unique_ptr<ImageSource>
       camera_(ScaledToFit(input_camera_, options.max_dimension)),
       vocabulary_(Vocabulary::Read(options.vocabulary_path)),
       orb_(OrbFor(options, camera_)),
-      maker_(input_camera_, camera_, orb_, MaskFor(options, camera_)),
+      wants_wide_(options.frontend.wide.num_keyframes > 0),
+      maker_(input_camera_, camera_, orb_, MaskFor(options, camera_), wants_wide_),
       session_(SessionFor(options)),
       bus_(ResolveLcmUrl(options.process.lcm_url), options.process.channel_prefix),
       local_bus_(options.local_url.empty() ? nullptr
@@ -241,6 +243,10 @@ FrontendRun::FrontendRun(const RunOptions& options, std::unique_ptr<ImageSource>
       diary_(&events_, &health_),
       file_(std::move(file)) {
   if (local_bus_) health_.AlsoTo(local_bus_.get());
+  if (!wants_wide_) return;
+  cv::setNumThreads(1);  // threads of OpenCV's own would take the cores that tracking needs
+  frontend_.ExtractWideFeatures(
+      [this](const cv::Mat& image) { return maker_.ExtractWide(image, options_.frontend.wide.extraction); });
 }
 
 int FrontendRun::Run() {

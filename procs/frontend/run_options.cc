@@ -28,6 +28,7 @@ std::string ToJson(const RunOptions& options) {
   if (options.mode != InputMode::kLockstep) json["mode"] = ModeName(options.mode);
   if (options.mode != InputMode::kLive && options.image_channel != channels::kImage)
     json["image_channel"] = options.image_channel;
+  if (f.wide.num_keyframes != WideFeaturesOptions().num_keyframes) json["wide_keyframes"] = f.wide.num_keyframes;
   if (!options.mask_path.empty()) json["mask"] = SessionIdFromText(ReadFile(options.mask_path));
   if (!options.continues.empty()) {
     json["continues"] = options.continues;

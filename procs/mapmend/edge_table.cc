@@ -8,6 +8,7 @@
 #include <set>
 #include <stdexcept>
 
+
 namespace mapmend {
 namespace {
 
@@ -109,6 +110,7 @@ std::string EdgeTable::Json(const std::vector<EdgeDecision>& decisions) const {
                              {"C", c->strength},
                              {"scale", c->b_from_a.scale},
                              {"verdict", ToString(c->verdict)},
+                             {"kind", KindOf(*c)},
                              {"in_tree", c->in_tree},
                              {"reason", c->reason}});
   }

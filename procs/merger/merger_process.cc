@@ -59,6 +59,15 @@ class StoreKeyframeSource : public KeyframeSource {
       : client_(client), give_up_(std::move(give_up)) {}
 
   KeyframeRecord Read(const std::string& session, int64_t seq) override {
+    return ReadAs<KeyframeRecord>(session, seq, "keyframe");
+  }
+  WideFeaturesRecord ReadWide(const std::string& session, int64_t seq) override {
+    return ReadAs<WideFeaturesRecord>(session, seq, "wide features");
+  }
+
+ private:
+  template <typename Body>
+  Body ReadAs(const std::string& session, int64_t seq, const char* what) {
     const FetchRequest request{{}, session, seq, seq, 1};  // at least one record is sent
     while (!give_up_()) {
       constexpr int kTimeoutMs = 2000;
@@ -66,11 +75,9 @@ class StoreKeyframeSource : public KeyframeSource {
       const bool is_ok = reply && reply->status == FetchAnswer::Status::kOk;
       if (is_ok && reply->records.size() == 1 && reply->records[0].seq == seq) {
         DecodedRecord decoded = DecodeRecord(reply->records[0]);
-        if (auto* keyframe = decoded.record ? std::get_if<KeyframeRecord>(&decoded.record->body) : nullptr) {
-          return std::move(*keyframe);
-        }
-        throw std::runtime_error("the store has no keyframe under record " + std::to_string(seq) + " of session " +
-                                 session);
+        if (auto* body = decoded.record ? std::get_if<Body>(&decoded.record->body) : nullptr) return std::move(*body);
+        throw std::runtime_error(std::string("the store has no ") + what + " under record " + std::to_string(seq) +
+                                 " of session " + session);
       }
       if (is_ok)
         throw std::runtime_error("the store no longer has record " + std::to_string(seq) + " of session " + session);
@@ -79,7 +86,6 @@ class StoreKeyframeSource : public KeyframeSource {
     throw std::runtime_error("stopped while waiting for the store");
   }
 
- private:
   StoreClient* client_;
   const std::function<bool()> give_up_;
 };
@@ -93,6 +99,9 @@ class ConnectedKeyframeSource : public KeyframeSource {
         source_(&client_, std::move(give_up)) {}
 
   KeyframeRecord Read(const std::string& session, int64_t seq) override { return source_.Read(session, seq); }
+  WideFeaturesRecord ReadWide(const std::string& session, int64_t seq) override {
+    return source_.ReadWide(session, seq);
+  }
 
  private:
   Bus bus_;

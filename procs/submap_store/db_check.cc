@@ -107,6 +107,7 @@ void CheckPeople(Database* database, std::vector<std::string>* problems) {
 std::string DescribeChannel(const std::string& channel) {
   if (channel == channels::kKeyframe) return " (keyframe)";
   if (channel == channels::kMapUpdate) return " (map update)";
+  if (channel == channels::kWideFeatures) return " (wide features)";
   if (channel == channels::kSubmap) return " (start or end of a submap)";
   if (channel == channels::kSession) return " (start or end of the session)";
   return "";

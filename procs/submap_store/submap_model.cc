@@ -6,6 +6,8 @@ namespace mapmend {
 
 std::string ApplyLight(const Record& record, Session* session) {
   std::string error = session->Apply(record);
+  if (const auto* wide = std::get_if<WideFeaturesRecord>(&record.body); wide != nullptr && error.empty())
+    session->submaps.at(wide->submap).ForgetWide(*wide);
   const auto* body = std::get_if<KeyframeRecord>(&record.body);
   if (!error.empty() || body == nullptr) return error;
   SubmapKeyframe& keyframe = session->submaps.at(body->submap).keyframes.at(body->keyframe);

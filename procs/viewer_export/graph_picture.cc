@@ -132,8 +132,8 @@ void DrawLabel(const Snapshot& snapshot, const Bracket& bracket, Canvas* canvas)
   // Half-way between two rows, where no bracket turns.
   const Vector2d center(bracket.x, RowY(bracket.label_row) + kRow / 2);
   char first[64], second[96];
-  std::snprintf(first, sizeof(first), "%d – %d · C %.1f", snapshot.submaps[bracket.edge->a].number,
-                snapshot.submaps[bracket.edge->b].number, c.strength);
+  std::snprintf(first, sizeof(first), "%d – %d · C %.1f%s", snapshot.submaps[bracket.edge->a].number,
+                snapshot.submaps[bracket.edge->b].number, c.strength, IsWide(c) ? " · wide" : "");
   std::snprintf(second, sizeof(second), "F %d · M %d · θ %.1f°", c.num_connected_frames, c.num_common_points,
                 c.median_angle_deg);
   canvas->BeginGroup(Describe(snapshot, *bracket.edge));

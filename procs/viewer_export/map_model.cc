@@ -23,6 +23,8 @@ std::string MapModel::Apply(const Record& record) {
   ++version_;
   if (!known) session_order_.push_back(id);
   last_utimes_[id] = record.header.utime;
+  if (const auto* wide = std::get_if<WideFeaturesRecord>(&record.body))
+    sessions_[id].submaps.at(wide->submap).ForgetWide(*wide);
   if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body)) {
     keyframe_utimes_[id][keyframe->keyframe] = record.header.utime;
     SubmapKeyframe& kept = sessions_[id].submaps.at(keyframe->submap).keyframes.at(keyframe->keyframe);

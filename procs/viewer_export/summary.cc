@@ -129,6 +129,7 @@ Json Connections(const Snapshot& snapshot, const std::vector<GraphEdge>& edges) 
                            {"candidates", c.num_candidates},
                            {"reprojection_error_px", c.median_error_px},
                            {"verdict", ToString(c.verdict)},
+                           {"kind", KindOf(c)},
                            {"reason", c.reason},
                            {"in_tree", c.in_tree}});
   }

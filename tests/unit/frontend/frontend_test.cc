@@ -2,7 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <chrono>
+#include <opencv2/core.hpp>
 #include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
 
 #include "libs/stream/submap.h"
 #include "tests/unit/frontend/synthetic_flight.h"
@@ -179,6 +185,84 @@ TEST(Frontend, APoseThatItsPointsLeaveOpenIsNotBelieved) {
     EXPECT_EQ(outcome.state == FrontendState::kTracking, part == 1.0) << part;
     EXPECT_EQ(outcome.reason, part == 1.0 ? LossReason::kNone : LossReason::kUnsupportedPose);
   }
+}
+
+// Around a loss the last keyframes before it and the first behind it get wide features; a submap that nothing needs to
+// be joined to gets none.
+TEST_P(FrontendThreads, WideFeaturesAreToldAroundALossOnly) {
+  SyntheticScene scene(30000, -2, 14, 0.1, 2);
+  const auto fly = [&](bool loss, int* num_extracted) {
+    Replay run(scene, GetParam());
+    run.frontend.ExtractWideFeatures([num_extracted](const cv::Mat& image) {
+      ++*num_extracted;
+      WideFeatures features;
+      features.keypoints.resize(1);
+      features.keypoints[0].pixel.x() = image.at<float>(0, 0);
+      features.descriptors.resize(1);
+      return features;
+    });
+    int index = 0;
+    const auto see = [&](const Rigid3& pose) {
+      const FramePtr frame = scene.View(pose, index);
+      frame->image = std::make_shared<const cv::Mat>(1, 1, CV_32F, cv::Scalar(index));
+      run.frontend.ProcessFrame(frame);
+      ++index;
+    };
+    for (int i = 0; i < 20; ++i) see(NadirPose(0.12 * i, 0));
+    for (int i = 0; loss && i < 20; ++i) see(NadirPose(8 + 0.12 * i, 8));
+    run.frontend.Finish();
+    return std::move(run.session);
+  };
+  int num_extracted = 0;
+  const Session whole = fly(false, &num_extracted);
+  EXPECT_EQ(whole.submaps.size(), 1u);
+  EXPECT_EQ(num_extracted, 0) << "nothing costs anything";
+  const Session torn = fly(true, &num_extracted);
+  ASSERT_EQ(torn.submaps.size(), 2u);
+  for (const auto& [id, submap] : torn.submaps) {
+    EXPECT_GE(submap.wide.size(), 3u);
+    EXPECT_LE(submap.wide.size(), 16u);
+    for (const auto& [keyframe, wide] : submap.wide) {
+      const auto it = submap.keyframes.find(keyframe);
+      if (it == submap.keyframes.end()) continue;
+      EXPECT_EQ(wide.features->keypoints[0].pixel.x(), static_cast<float>(it->second.frame)) << "of its own image";
+      EXPECT_EQ(wide.utime, it->second.utime);
+    }
+  }
+  const Submap &before = torn.submaps.at(SubmapId(0)), &behind = torn.submaps.at(SubmapId(1));
+  EXPECT_TRUE(before.wide.contains(before.keyframes.rbegin()->first)) << "the last one before the loss";
+  EXPECT_TRUE(behind.wide.contains(behind.keyframes.begin()->first)) << "the first one behind it";
+}
+
+// Extraction takes as long as it takes: where nothing depends on timing, the order of the records does not either.
+TEST(Frontend, WideFeaturesComeAtTheSamePlaceInTheStreamHoweverLongTheyTake) {
+  std::vector<std::vector<std::string>> streams;
+  for (const int delay_ms : {0, 30}) {
+    SyntheticScene scene(30000, -2, 14, 0.1, 2);
+    std::vector<std::string>& stream = streams.emplace_back();
+    Frontend frontend({}, scene.Camera(), {}, nullptr, [&](int64_t utime, RecordBody body) {
+      stream.push_back(std::to_string(body.index()) + " " + std::to_string(utime));
+    });
+    frontend.ExtractWideFeatures([delay_ms](const cv::Mat&) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(delay_ms));
+      return WideFeatures();
+    });
+    int index = 0;
+    for (const double y : {0.0, 8.0}) {
+      for (int i = 0; i < 30; ++i) {
+        const FramePtr frame = scene.View(NadirPose(y + 0.12 * i, y), index++);
+        frame->image = std::make_shared<const cv::Mat>(1, 1, CV_8U);
+        frontend.ProcessFrame(frame);
+      }
+    }
+    frontend.Finish();
+  }
+  EXPECT_EQ(streams[0], streams[1]);
+  const auto is_wide = [](const std::string& line) { return line.starts_with("6 "); };
+  const auto first = std::find_if(streams[0].begin(), streams[0].end(), is_wide);
+  ASSERT_NE(first, streams[0].end());
+  EXPECT_TRUE(std::any_of(first, streams[0].end(), [&](const std::string& line) { return !is_wide(line); }))
+      << "told during the flight, not at its end";
 }
 
 TEST(Frontend, EqualInputGivesEqualRecords) {

@@ -54,7 +54,7 @@ TEST_F(RecordPublisherTest, NothingIsPublishedOfASubmapThatIsNotBelieved) {
 
 TEST_F(RecordPublisherTest, OnceItIsBelievedItsBeginningComesFirst) {
   publisher.Believe();
-  EXPECT_EQ(publisher.FirstFrame(), 0);
+  EXPECT_EQ(publisher.FirstFrame().frame, 0);
   publisher.Publish(2000000, &map);
   ASSERT_EQ(emitted.size(), 4u);
   EXPECT_TRUE(std::holds_alternative<SubmapStarted>(emitted.front()));
@@ -101,7 +101,8 @@ TEST_F(RecordPublisherTest, FramesThatWaitTooLongAreNotKept) {
 
 TEST_F(RecordPublisherTest, TheEndComesLast) {
   publisher.Believe();
-  publisher.End(*FrameAt(2), LossReason::kBlur, "why", &map);
+  publisher.Publish(2000000, &map);
+  publisher.End(*FrameAt(2), LossReason::kBlur, "why", map);
   ASSERT_FALSE(emitted.empty());
   const auto* end = std::get_if<SubmapEnded>(&emitted.back());
   ASSERT_NE(end, nullptr);

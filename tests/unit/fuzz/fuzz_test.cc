@@ -120,6 +120,12 @@ TEST(Fuzz, RecordsAreValidOrRefusedWithAReason) {
   options.num_words = 10;
   std::vector<EncodedRecord> corpus;
   for (const Record& record : MakeSyntheticStream(options)) corpus.push_back(EncodeRecord(record));
+  WideFeaturesRecord wide;
+  wide.submap = SubmapId(0);
+  wide.keyframe = KeyframeId(1);
+  wide.features.keypoints.resize(5);
+  wide.features.descriptors.resize(5);
+  corpus.push_back(EncodeRecord({{options.session, 20, 1}, wide}));
   std::mt19937 random(7);
   int num_accepted = 0, num_refused = 0;
   for (int i = 0; i < kMutations; ++i) {

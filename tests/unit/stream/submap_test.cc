@@ -90,6 +90,39 @@ TEST_F(SubmapTest, ACulledKeyframeDoesNotComeBackAndTheLastOneStays) {
   EXPECT_EQ(TryApply(again), "keyframe: id used before");
 }
 
+TEST_F(SubmapTest, WideFeaturesMayFollowTheEndOfTheirSubmap) {
+  WideFeaturesRecord wide;
+  wide.submap = SubmapId(0);
+  wide.keyframe = KeyframeId(2);
+  wide.features.keypoints.resize(3);
+  wide.features.descriptors.resize(3);
+  Apply(wide);
+  EXPECT_NE(TryApply(wide), "") << "told before";
+  Apply(SubmapEnded{SubmapId(0), "end", "", 3, 0});
+  wide.keyframe = KeyframeId(3);
+  Apply(wide);
+  ASSERT_EQ(Map().wide.size(), 2u);
+  EXPECT_EQ(Map().wide.at(KeyframeId(3)).features->Size(), 3);
+  EXPECT_LT(Map().wide.at(KeyframeId(2)).seq, Map().wide.at(KeyframeId(3)).seq);
+  wide.keyframe = KeyframeId(1);
+  wide.features.descriptors.pop_back();
+  EXPECT_NE(TryApply(wide).find("disagree"), std::string::npos);
+  wide.features.descriptors.resize(3);
+  wide.keyframe = KeyframeId();
+  EXPECT_NE(TryApply(wide), "") << "neither a keyframe nor a frame";
+  wide.frame = 12;
+  Apply(wide);
+  EXPECT_NE(TryApply(wide), "") << "told before";
+  EXPECT_EQ(Map().wide.size(), 2u);
+  ASSERT_EQ(Map().wide_between.size(), 1u);
+  Submap forgetful = Map();
+  forgetful.ForgetWide(wide);
+  EXPECT_EQ(forgetful.wide_between.at(12).features, nullptr);
+  EXPECT_NE(Map().wide_between.at(12).features, nullptr);
+  wide.submap = SubmapId(7);
+  EXPECT_NE(TryApply(wide), "");
+}
+
 TEST_F(SubmapTest, KnowsWhatKeyframesShareWithoutItsObservations) {
   Apply(SubmapEnded{SubmapId(0), "end", "", 3, 0});
   Submap forgetful = Map();

@@ -125,6 +125,45 @@ TEST_F(SubmapStoreTest, FetchReturnsWhatWasPublishedInBoundedReplies) {
   EXPECT_EQ(list.sessions[0].seq, static_cast<int64_t>(records.size()) - 1);
 }
 
+// They may come when their submap has ended, also to a store that was started again since; they are kept and given out
+// as they came, and the file is in order.
+TEST_F(SubmapStoreTest, KeepsWideFeaturesOfSubmapsThatHaveEnded) {
+  Open();
+  std::vector<Record> records = MakeSyntheticStream(options_);
+  Record end = records.back();
+  records.pop_back();
+  for (const Record& record : records) Offer(record);
+  Commit();
+  Open();
+  for (int i = 0; i < 2; ++i) {
+    WideFeaturesRecord wide;
+    wide.submap = SubmapId(i);
+    wide.keyframe = KeyframeId(10 * i + 1);
+    wide.features.keypoints.resize(7, {{3, 4}, 20, 9});
+    wide.features.descriptors.resize(7);
+    wide.features.descriptors[2].fill(5);
+    records.push_back({{options_.session, static_cast<int64_t>(records.size()), 5}, wide});
+    Offer(records.back());
+  }
+  end.header.seq = static_cast<int64_t>(records.size());
+  records.push_back(end);
+  Offer(end);
+  Commit();
+  EXPECT_EQ(Cumulative(), static_cast<int64_t>(records.size()) - 1);
+  EXPECT_EQ(store_->GetStatus(now_ms_).refused, 0);
+  fetch_t request{};
+  request.session = options_.session;
+  request.first_seq = request.last_seq = static_cast<int64_t>(records.size()) - 2;
+  request.max_bytes = 1;
+  const fetched_t reply = store_->Fetch(request);
+  ASSERT_EQ(reply.num_records, 1);
+  EXPECT_EQ(reply.channel[0], "MAPMEND_WIDE_FEATURES");
+  EXPECT_EQ(reply.data, EncodeRecord(records[records.size() - 2]).data);
+  store_.reset();
+  const std::vector<std::string> problems = CheckDb(folder_.File("map.db"));
+  EXPECT_TRUE(problems.empty()) << problems.front();
+}
+
 TEST_F(SubmapStoreTest, RefusesBadRecordsAndGoesOn) {
   Open();
   auto records = MakeSyntheticStream(options_);

@@ -5,6 +5,7 @@
 #include <limits>
 #include <mapmend/keyframe_t.hpp>
 #include <mapmend/map_update_t.hpp>
+#include <mapmend/wide_features_t.hpp>
 #include <random>
 
 #include "libs/bus/bus.h"
@@ -127,6 +128,66 @@ TEST(Codec, RefusesWhatNoFrontendSends) {
   EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) { m->header.session = "../etc"; }).find("session"),
             std::string::npos);
   EXPECT_NE(ErrorOfChangedKeyframe([](keyframe_t* m) {
+              m->descriptors.pop_back();
+              --m->num_descriptor_bytes;
+            }).find("num_descriptor_bytes"),
+            std::string::npos);
+}
+
+Record WideRecord() {
+  std::mt19937 rng(4);
+  WideFeaturesRecord body;
+  body.submap = SubmapId(2);
+  body.keyframe = KeyframeId(17);
+  body.frame = 93;
+  for (int i = 0; i < 40; ++i) {
+    const auto coordinate = [&] { return static_cast<float>(rng() % 10000) * 0.0625F - 20; };
+    body.features.keypoints.push_back(
+        {{coordinate(), coordinate()}, static_cast<uint8_t>(rng() % 256), static_cast<uint8_t>(rng() % 256)});
+    for (uint8_t& v : body.features.descriptors.emplace_back()) v = static_cast<uint8_t>(rng() % 128);
+  }
+  return {{"flight", 5, 123456}, std::move(body)};
+}
+
+TEST(Codec, WideFeaturesComeBackAsTheyWere) {
+  const Record record = WideRecord();
+  const EncodedRecord encoded = EncodeRecord(record);
+  EXPECT_EQ(encoded.channel, channels::kWideFeatures);
+  EXPECT_TRUE(IsRecordChannel(encoded.channel));
+  EXPECT_LT(encoded.data.size(), 40 * 140 + 100u) << "packed";
+  const DecodedRecord decoded =
+      DecodeRecord(encoded.channel, encoded.data.data(), static_cast<int>(encoded.data.size()));
+  ASSERT_TRUE(decoded.record) << decoded.error;
+  const auto &a = std::get<WideFeaturesRecord>(record.body), &b = std::get<WideFeaturesRecord>(decoded.record->body);
+  EXPECT_EQ(b.submap, a.submap);
+  EXPECT_EQ(b.keyframe, a.keyframe);
+  EXPECT_EQ(b.frame, a.frame);
+  EXPECT_EQ(b.features.descriptors, a.features.descriptors);
+  ASSERT_EQ(b.features.Size(), a.features.Size());
+  for (int i = 0; i < a.features.Size(); ++i) {
+    EXPECT_EQ(b.features.keypoints[i].pixel, a.features.keypoints[i].pixel);
+    EXPECT_EQ(b.features.keypoints[i].size, a.features.keypoints[i].size);
+    EXPECT_EQ(b.features.keypoints[i].angle, a.features.keypoints[i].angle);
+  }
+  EXPECT_EQ(EncodeRecord(*decoded.record).data, encoded.data);
+}
+
+TEST(Codec, RefusesWideFeaturesThatNoFrontendSends) {
+  const EncodedRecord sound = EncodeRecord(WideRecord());
+  const auto error = [&](const std::function<void(wide_features_t*)>& change) {
+    wide_features_t message{};
+    EXPECT_TRUE(DecodeMessage(sound.data.data(), static_cast<int>(sound.data.size()), &message));
+    change(&message);
+    EncodedRecord encoded = sound;
+    encoded.data = EncodeMessage(message);
+    return DecodeError(encoded);
+  };
+  EXPECT_EQ(error([](wide_features_t*) {}), "");
+  EXPECT_NE(error([](wide_features_t* m) { m->x[3] = std::numeric_limits<float>::quiet_NaN(); }).find("finite"),
+            std::string::npos);
+  EXPECT_NE(error([](wide_features_t* m) { m->descriptors[9] = 128; }).find("descriptor"), std::string::npos);
+  EXPECT_NE(error([](wide_features_t* m) { m->keyframe = -2; }).find("range"), std::string::npos);
+  EXPECT_NE(error([](wide_features_t* m) {
               m->descriptors.pop_back();
               --m->num_descriptor_bytes;
             }).find("num_descriptor_bytes"),

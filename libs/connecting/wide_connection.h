@@ -1,0 +1,47 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "libs/connecting/connected_frames.h"
+#include "libs/connecting/wide_registration.h"
+
+namespace mapmend {
+
+struct WideConnectionOptions {
+  WideTrackOptions tracks;
+  WideRegistrationOptions registration;
+  // Acceptance.
+  int min_inliers = 25;       // tracks that both sides see, with a point on one side at least
+  double min_evidence = 120;  // nats, of what looked alike before anything was searched; chance with 7 free parameters
+                              // and thousands of samples comes to some 60
+  double max_rival = 0.6;     // evidence for another transform, as a share of it: repeated facades offer several
+  // Of an 8 x 6 grid, occupied by inliers, in the frame of each side that holds most of them: of the nearer side, and
+  // of the farther one, which sees the same in a small part of its image.
+  int min_cells = 6, min_cells_far = 3;
+  int min_frames = 3;  // of each side, with min_in_frame inliers each; all, if there are fewer
+  int min_in_frame = 6;
+  double min_match_rate = 0.06;      // of the points that should be seen, found by guided search
+  double max_position_sigma = 0.05;  // of a camera across the gap, of its viewing distance
+  double max_scale_sigma = 0.1;      // of the scale, as a share of it
+  double max_speed = 4;              // across the gap, times the largest of both sides: what moves does not jump
+  double max_median_error = 3;       // pixels
+
+  std::string Check() const;
+};
+
+// What one verification of two sides has given.
+struct WideConnection {
+  bool success = false;
+  std::string reason;  // one sentence with numbers, for a person
+  // Of success: pairs of keyframes, one per keyframe of b at most, the one of a with which it has most in common. All
+  // have one transform. Else: one that says why.
+  std::vector<ConnectedFrames> frames;
+};
+
+// Whether two sides are connected by wide features, and how. They must be of different submaps.
+//   max_travel_s  time in which the camera got from the one to the other; negative: nothing is known of it
+WideConnection VerifyWideConnection(const WideSide& a, const WideSide& b, double max_travel_s,
+                                    const WideConnectionOptions& options);
+
+}  // namespace mapmend

@@ -1,0 +1,93 @@
+#include "procs/frontend/wide_extraction.h"
+
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <opencv2/core.hpp>
+
+#include "procs/frontend/profiler.h"
+
+namespace mapmend {
+
+std::string WideFeaturesOptions::Check() const {
+  if (num_keyframes < 0) return "num_keyframes must not be negative";
+  if (delay_frames < 0 || max_images < 0) return "delay_frames and max_images must not be negative";
+  if (const std::string e = extraction.Check(); !e.empty()) return "extraction: " + e;
+  return "";
+}
+
+WideExtraction::~WideExtraction() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+void WideExtraction::Request(SubmapId submap, KeyframeId keyframe, const Frame& frame, int64_t due) {
+  {
+    const std::lock_guard lock(mutex_);
+    Job& job = jobs_.emplace_back();
+    job.utime = frame.utime;
+    job.due = due;
+    job.record.submap = submap;
+    job.record.keyframe = keyframe;
+    job.record.frame = frame.index;
+    job.image = frame.image;
+  }
+  if (!thread_.joinable()) thread_ = std::thread([this] { Run(); });
+  changed_.notify_all();
+}
+
+void WideExtraction::Run() {
+  // Tracking comes first: on Linux a thread has a priority of its own.
+  constexpr int kNicer = 5;
+  setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + kNicer);
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    changed_.wait(lock, [this] { return stop_ || num_finished_ < jobs_.size(); });
+    if (stop_) return;
+    const std::shared_ptr<const cv::Mat> image = jobs_[num_finished_].image;
+    lock.unlock();
+    WideFeatures features;
+    std::exception_ptr error;
+    try {
+      const StageTimer timer("wide/features");
+      features = extract_(*image);
+    } catch (...) {
+      error = std::current_exception();
+    }
+    lock.lock();
+    // Jobs are taken only once they are finished: this one is still where it was, counted from the first unfinished.
+    Job& job = jobs_[num_finished_];
+    job.record.features = std::move(features);
+    job.image = nullptr;
+    ++num_finished_;
+    if (error) error_ = error;
+    changed_.notify_all();
+  }
+}
+
+WideExtraction::Records WideExtraction::Take(size_t count) {
+  if (error_) std::rethrow_exception(error_);
+  Records records;
+  for (; records.size() < count; jobs_.pop_front(), --num_finished_)
+    records.emplace_back(jobs_.front().utime, std::move(jobs_.front().record));
+  return records;
+}
+
+WideExtraction::Records WideExtraction::TakeFinished() {
+  const std::lock_guard lock(mutex_);
+  return Take(num_finished_);
+}
+
+WideExtraction::Records WideExtraction::TakeDue(int64_t now) {
+  std::unique_lock lock(mutex_);
+  const auto count = static_cast<size_t>(
+      std::find_if(jobs_.begin(), jobs_.end(), [&](const Job& job) { return job.due > now; }) - jobs_.begin());
+  changed_.wait(lock, [&] { return num_finished_ >= count; });
+  return Take(count);
+}
+
+}  // namespace mapmend
