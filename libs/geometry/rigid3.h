@@ -24,9 +24,6 @@ struct Rigid3 {
   Rigid3 operator*(const Rigid3& other) const {
     return {rotation * other.rotation, rotation * other.translation + translation};
   }
-  bool operator==(const Rigid3& other) const {  // to the last bit
-    return rotation.coeffs() == other.rotation.coeffs() && translation == other.translation;
-  }
   // Where a's origin of view is: for cam_from_world, the camera centre in the world.
   Eigen::Vector3d Center() const { return -(rotation.conjugate() * translation); }
 };

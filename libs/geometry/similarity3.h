@@ -26,9 +26,6 @@ struct Similarity3 {
   Similarity3 operator*(const Similarity3& other) const {
     return {scale * other.scale, rotation * other.rotation, scale * (rotation * other.translation) + translation};
   }
-  bool operator==(const Similarity3& other) const {  // to the last bit
-    return scale == other.scale && rotation.coeffs() == other.rotation.coeffs() && translation == other.translation;
-  }
 };
 
 // tx ty tz qx qy qz qw scale, the order of every mapmend message.

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "libs/geometry/similarity3.h"
+#include "libs/geometry/same_bits.h"
 #include "libs/stream/ids.h"
 #include "libs/stream/stream_cursor.h"
 

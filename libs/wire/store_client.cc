@@ -75,7 +75,7 @@ StoreClient::StoreClient(Bus* bus, const std::string& requester) : impl_(std::ma
 StoreClient::~StoreClient() = default;
 
 std::optional<BowAnswer> StoreClient::Query(const BowQuestion& question, int timeout_ms) {
-  return impl_->AskUntil(&impl_->queries, BowQuery{{}, question}, timeout_ms,
+  return impl_->AskUntil(&impl_->queries, BowQuery{Addressed(), question}, timeout_ms,
                          [](const BowAnswer& answer) { return answer.status != BowAnswer::Status::kNotYet; });
 }
 
@@ -84,17 +84,17 @@ std::optional<FetchAnswer> StoreClient::Fetch(FetchRequest request, int timeout_
 }
 
 std::optional<SessionProgress> StoreClient::AskProgress(const std::string& session, int timeout_ms) {
-  return impl_->progress_requests.Ask(ProgressRequest{{}, session}, timeout_ms);
+  return impl_->progress_requests.Ask(ProgressRequest{Addressed(), session}, timeout_ms);
 }
 
 std::optional<CloseAnswer> StoreClient::CloseSession(const std::string& session, int timeout_ms) {
-  return impl_->AskUntil(&impl_->closings, CloseRequest{{}, session}, timeout_ms,
+  return impl_->AskUntil(&impl_->closings, CloseRequest{Addressed(), session}, timeout_ms,
                          [](const CloseAnswer& answer) { return answer.status != CloseAnswer::Status::kStillAlive; });
 }
 
 std::optional<std::vector<EdgeDecision>> StoreClient::DecideEdges(const std::vector<EdgeDecision>& decisions,
                                                                   int timeout_ms) {
-  std::optional<EdgeAnswer> answer = impl_->edge_requests.Ask(EdgeRequest{{}, decisions}, timeout_ms);
+  std::optional<EdgeAnswer> answer = impl_->edge_requests.Ask(EdgeRequest{Addressed(), decisions}, timeout_ms);
   if (!answer) return std::nullopt;
   return std::move(answer->decisions);
 }
@@ -146,7 +146,7 @@ bool StoreClient::StoreRevision(const MapRevision& revision, int timeout_ms) {
 StoreClient::FetchedRevision StoreClient::FetchRevision(int64_t number, int timeout_ms) {
   FetchedRevision result;
   const auto ask = [&](int64_t wanted, int32_t part) {
-    return impl_->revision_fetches.Ask(RevisionRequest{{}, wanted, part}, timeout_ms);
+    return impl_->revision_fetches.Ask(RevisionRequest{Addressed(), wanted, part}, timeout_ms);
   };
   auto reply = ask(number, -1);
   if (!reply) return result;

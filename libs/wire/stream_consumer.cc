@@ -149,7 +149,7 @@ struct StreamConsumer::Impl {
   // Gets the record after `delivered`; false if it cannot be had now.
   bool Obtain(SessionState* session) {
     if (!session->asked) {
-      session->asked = FetchRequest{{}, session->id, session->delivered + 1, session->committed, kFetchBytes};
+      session->asked = FetchRequest{Addressed(), session->id, session->delivered + 1, session->committed, kFetchBytes};
     }
     const auto reply = store->Fetch(*session->asked, kStoreTimeoutMs);
     if (!reply) return false;

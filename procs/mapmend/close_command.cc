@@ -26,7 +26,7 @@ FetchAnswer Ask(StoreClient* store, const std::string& url, const FetchRequest& 
 }
 
 bool HasEnded(StoreClient* store, const std::string& url, const std::string& session) {
-  return Ask(store, url, {{}, session, 0, 0, 1}).ended;
+  return Ask(store, url, {Addressed(), session, 0, 0, 1}).ended;
 }
 
 void Close(CloseOptions options) {

@@ -18,7 +18,7 @@ namespace {
 
 // The session's first record; nullopt if it is lost.
 std::optional<SessionStarted> ReadStart(StoreClient* store, const std::string& session) {
-  const auto reply = store->Fetch({{}, session, 0, 0, 1});
+  const auto reply = store->Fetch({Addressed(), session, 0, 0, 1});
   if (!reply) throw std::runtime_error("the submap store does not answer");
   if (reply->records.size() != 1) return std::nullopt;
   DecodedRecord decoded = DecodeRecord(reply->records[0]);

@@ -102,7 +102,7 @@ RescueReport CloseSessions(Backend* backend, const std::set<std::string>& except
   StoreClient client(backend->bus(), ClientName());
   for (const auto& [session, last] : ListSessions(backend->bus())) {
     if (except.contains(session)) continue;
-    const auto reply = client.Fetch({{}, session, last, last, 1});
+    const auto reply = client.Fetch({Addressed(), session, last, last, 1});
     if (!reply) throw std::runtime_error(StoreProblem(*backend));
     if (reply->ended) continue;
     if (!RescueSession(backend, session))

@@ -68,7 +68,7 @@ class StoreKeyframeSource : public KeyframeSource {
  private:
   template <typename Body>
   Body ReadAs(const std::string& session, int64_t seq, const char* what) {
-    const FetchRequest request{{}, session, seq, seq, 1};  // at least one record is sent
+    const FetchRequest request{Addressed(), session, seq, seq, 1};  // at least one record is sent
     while (!give_up_()) {
       constexpr int kTimeoutMs = 2000;
       const std::optional<FetchAnswer> reply = client_->Fetch(request, kTimeoutMs);
