@@ -16,6 +16,10 @@ constexpr char kNone[] = "none";  // an optional without a value
 
 template <typename Number>
 std::string NumberText(Number x) {
+  if constexpr (std::is_floating_point_v<Number>) {
+    constexpr double kWhole = 1e15;  // 100000 rather than 1e+05
+    if (std::abs(x) < kWhole && x == std::floor(x)) return NumberText(static_cast<int64_t>(x));
+  }
   char buffer[64];
   const std::to_chars_result end = std::to_chars(buffer, buffer + sizeof(buffer), x);
   return std::string(buffer, end.ptr);

@@ -15,6 +15,7 @@
 #include <string_view>
 #include <vector>
 
+#include "libs/base/options.h"
 #include "libs/bus/access_token.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/hub_client.h"
@@ -75,18 +76,15 @@ bool IsBestEffortChannel(const std::string& channel) {
   return false;
 }
 
-std::string HubOptions::Check() const {
-  if (port < 0 || port > 65535) return "port must lie in 0 .. 65535";
+std::string HubOptions::Check() const { return CheckOptions(*this); }
+
+std::string HubOptions::Conflict() const {
   in_addr address{};
   if (inet_pton(AF_INET, bind.c_str(), &address) != 1) return "bind address '" + bind + "' is not an IPv4 address";
   if (!IsLoopback(address) && token.empty())
     return "bind address " + bind +
            " admits other hosts, which needs a token: give --token-file FILE (it is made if "
            "it does not exist)";
-  if (max_clients < 4) return "max_clients must be at least 4";
-  if (max_message_bytes <= 0 || best_effort_queue_bytes <= 0 || reliable_queue_bytes <= 0 || max_buffered_bytes <= 0)
-    return "sizes must be positive";
-  if (backpressure_timeout_ms < 0 || greeting_timeout_ms <= 0) return "times must not be negative";
   return "";
 }
 

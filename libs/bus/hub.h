@@ -4,6 +4,8 @@
 #include <memory>
 #include <string>
 
+#include "libs/base/range.h"
+
 namespace mapmend {
 
 struct HubOptions {
@@ -25,8 +27,23 @@ struct HubOptions {
   // nobody waits for it again within the next minute. For one that needs a token and has not shown it nobody waits.
   int backpressure_timeout_ms = 3000;
 
-  // Empty, or one line that says what is wrong.
+  // Not visited: token: a secret.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("bind", bind);
+    v("port", port, Range(0, 65535));
+    v("max_clients", max_clients, Range(4, 100000));
+    v("greeting_timeout_ms", greeting_timeout_ms, Range(1, 3.6e6), "ms");
+    v("max_message_bytes", max_message_bytes, Range(1, 1e12), "bytes");
+    v("max_buffered_bytes", max_buffered_bytes, Range(1, 1e12), "bytes");
+    v("best_effort_queue_bytes", best_effort_queue_bytes, Range(1, 1e12), "bytes");
+    v("reliable_queue_bytes", reliable_queue_bytes, Range(1, 1e12), "bytes");
+    v("backpressure_timeout_ms", backpressure_timeout_ms, Range(0, 3.6e6), "ms");
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
+  // Empty, or what is wrong with the address, of which token is a part.
+  std::string Conflict() const;
 };
 
 // The exchange of all messages over TCP: a drop-in for LCM's Java TCPService, speaking the protocol of liblcm's tcpq

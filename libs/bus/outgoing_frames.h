@@ -6,11 +6,19 @@
 #include <deque>
 #include <vector>
 
+#include "libs/base/range.h"
+
 namespace mapmend {
 
 struct OutgoingLimits {
   int64_t best_effort_bytes = 8 << 20;  // beyond it the oldest of them are dropped
   int64_t reliable_bytes = 16 << 20;    // beyond it nothing more is taken
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("best_effort_bytes", best_effort_bytes, Range(1, 1e12), "bytes");
+    v("reliable_bytes", reliable_bytes, Range(1, 1e12), "bytes");
+  }
 };
 
 // What waits to be sent over one connection. Not thread-safe.

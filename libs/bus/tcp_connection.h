@@ -5,6 +5,7 @@
 #include <chrono>
 #include <string>
 
+#include "libs/base/range.h"
 #include "libs/bus/liveness.h"
 #include "libs/bus/tcp_frames.h"
 
@@ -17,6 +18,12 @@ class TcpConnection {
   struct Options {
     int connect_timeout_ms = 3000;  // until the hub's greeting is there
     int dead_after_ms = 3500;       // see Liveness
+
+    template <typename Visitor>
+    void Visit(Visitor& v) {
+      v("connect_timeout_ms", connect_timeout_ms, Range(1, 3.6e6), "ms");
+      v("dead_after_ms", dead_after_ms, Range(1, 3.6e6), "ms");
+    }
   };
   TcpConnection(const sockaddr_in& address, const Options& options);
   ~TcpConnection();

@@ -12,6 +12,7 @@
 #include <thread>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/bus/host_lookup.h"
 #include "libs/bus/outgoing_frames.h"
 #include "libs/bus/tcp_connection.h"
@@ -28,6 +29,20 @@ struct TcpLinkOptions {
   int64_t incoming_bytes = 32 << 20;                   // beyond it the hub is not read from until Handle has caught up
   int first_retry_ms = 100, max_retry_ms = 1000;       // between attempts, doubled each time, give or take a half
   int first_connect_wait_ms = 1000, linger_ms = 1000;  // the constructor and the destructor wait so long at most
+
+  // Not visited: token: a secret.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("host", host);
+    v("port", port, Range(1, 65535));
+    v("connection", connection);
+    v("outgoing", outgoing);
+    v("incoming_bytes", incoming_bytes, Range(1, 1e12), "bytes");
+    v("first_retry_ms", first_retry_ms, Range(1, 3.6e6), "ms");
+    v("max_retry_ms", max_retry_ms, Range(1, 3.6e6), "ms");
+    v("first_connect_wait_ms", first_connect_wait_ms, Range(0, 3.6e6), "ms");
+    v("linger_ms", linger_ms, Range(0, 3.6e6), "ms");
+  }
 };
 
 // tcpq://HOST:PORT. A thread of its own reads, writes, pings and connects again; Publish and Handle only ever touch

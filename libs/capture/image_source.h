@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/capture/clip.h"
 #include "libs/capture/image_stream.h"
 #include "libs/capture/left_out.h"
@@ -33,6 +34,17 @@ struct SourceOptions {
   double start_s = 0;      // only frames from so many seconds after the first one on ...
   double end_s = std::numeric_limits<double>::infinity();  // ... and before this
   int width = 0, height = 0;  // of the images, pixels; others are left out. 0: the size that most of them have
+
+  // Not visited: inputs, open_other, times_path, skip: what is read, and with what.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("camera_fps", camera_fps, Range(0, 1e6), "Hz; 0: 30 Hz");
+    v("every", every, Range(1, 100000), "frames");
+    v("start_s", start_s, AtLeast(0), "s");
+    v("end_s", end_s, AtLeast(0), "s");
+    v("width", width, Range(0, 100000), "pixels; 0: as most images");
+    v("height", height, Range(0, 100000), "pixels; 0: as most images");
+  }
 };
 
 // The frames of a flight's input files. Whoever counts frames and whoever reads them asks this class. A frame that

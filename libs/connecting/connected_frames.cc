@@ -7,6 +7,7 @@
 #include <set>
 #include <unordered_set>
 
+#include "libs/base/options.h"
 #include "libs/base/text_format.h"
 #include "libs/connecting/guided_projection.h"
 #include "libs/connecting/window_matching.h"
@@ -282,16 +283,7 @@ ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* si
 
 }  // namespace
 
-std::string ConnectedFramesOptions::Check() const {
-  if (window_size < 1 || num_searched < 1 || max_kept < 1)
-    return "window_size, num_searched, max_kept must be positive";
-  if (min_matches < 3) return "min_matches must be 3 or more";
-  if (!(search_radius > 0)) return "search_radius must be positive";
-  if (!(max_scale >= 1)) return "max_scale must be 1 or more";
-  if (const std::string error = ransac.Check(); !error.empty()) return "ransac: " + error;
-  if (const std::string error = refinement.Check(); !error.empty()) return "refinement: " + error;
-  return "";
-}
+std::string ConnectedFramesOptions::Check() const { return CheckOptions(*this); }
 
 double MedianIntersectionAngle(const Eigen::Vector3d& center_a, const Eigen::Vector3d& center_b,
                                const std::vector<Eigen::Vector3d>& points) {

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/connecting/window_matching.h"
 #include "libs/geometry/sim3_ransac.h"
 #include "libs/geometry/sim3_refinement.h"
@@ -56,6 +57,33 @@ struct ConnectedFramesOptions {
   double max_scale = 8;         // of the transform, either way
   int max_kept = 100;           // inliers each way that are kept as evidence, evenly chosen
 
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("window_size", window_size, Range(1, 1000), "keyframes");
+    v("max_window_size", max_window_size, Range(1, 1000), "keyframes");
+    v("matching", matching);
+    v("min_matches", min_matches, Range(3, 100000));
+    v("num_hypotheses", num_hypotheses, Range(1, 1000));
+    v("ransac", ransac);
+    v("search_radius", search_radius, MoreThan(0), "pixels at octave 0");
+    v("min_good_seeds", min_good_seeds, Range(0, 100000));
+    v("guided_max_distance", guided_max_distance, Range(0, 256), "bits");
+    v("guided_ratio", guided_ratio, Range(0, 1));
+    v("num_searched", num_searched, Range(1, 1000), "keyframes");
+    v("octave_tolerance", octave_tolerance, Range(0, 31), "octaves");
+    v("max_turn_deg", max_turn_deg, Range(0, 180), "degrees");
+    v("refinement", refinement);
+    v("min_inliers", min_inliers, Range(0, 100000));
+    v("min_inliers_each_way", min_inliers_each_way, Range(0, 100000));
+    v("min_common_points", min_common_points, Range(0, 100000));
+    v("min_match_rate", min_match_rate, Range(0, 1));
+    v("min_cells", min_cells, Range(0, 48), "cells of 48");
+    v("min_cells_of_zoomed", min_cells_of_zoomed, Range(0, 48), "cells of 48");
+    v("max_median_error", max_median_error, MoreThan(0), "pixels");
+    v("max_scale", max_scale, AtLeast(1));
+    v("max_kept", max_kept, Range(1, 100000));
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
 };
 

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/connecting/connected_frames.h"
 #include "libs/stream/revision.h"
 
@@ -35,6 +36,14 @@ struct ConnectionOptions {
   double min_strength = 2;           // C_min; weaker edges are rejected
   double drift_squared_error = 900;  // sigma^2; within it all evidence takes part in the joint estimate
   Sim3RefinementOptions refinement;
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("max_disagreement_px", max_disagreement_px, MoreThan(0), "pixels");
+    v("min_strength", min_strength, AtLeast(0));
+    v("drift_squared_error", drift_squared_error, MoreThan(0), "sigma^2");
+    v("refinement", refinement);
+  }
 };
 
 // Estimates Sim(3), F, M, theta and C of an edge from all its evidence as the submaps stand now, and sets verdict and

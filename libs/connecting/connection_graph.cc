@@ -4,6 +4,8 @@
 #include <tuple>
 #include <utility>
 
+#include "libs/base/options.h"
+
 namespace mapmend {
 namespace {
 
@@ -30,12 +32,7 @@ std::pair<SubmapKey, SubmapKey> Sorted(const SubmapKey& a, const SubmapKey& b) {
 
 }  // namespace
 
-std::string ConnectionGraphOptions::Check() const {
-  if (const std::string e = loops.Check(); !e.empty()) return "loops: " + e;
-  if (const std::string e = cycles.Check(); !e.empty()) return "cycles: " + e;
-  if (max_evidence < 1) return "max_evidence must be positive";
-  return "";
-}
+std::string ConnectionGraphOptions::Check() const { return CheckOptions(*this); }
 
 void ConnectionGraph::Add(const SubmapPair& pair, ConnectedFrames frames) {
   Connection& connection = connections_[pair];

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/connecting/connection.h"
 #include "libs/connecting/cycle_consistency.h"
 #include "libs/connecting/loop_connection.h"
@@ -21,6 +22,15 @@ struct ConnectionGraphOptions {
   RecognizedShareOptions recognized;
   int max_evidence = 200;  // per connection: more adds cost and no knowledge
 
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("connection", connection);
+    v("loops", loops);
+    v("cycles", cycles);
+    v("recognized", recognized);
+    v("max_evidence", max_evidence, Range(1, 1e6));
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
 };
 

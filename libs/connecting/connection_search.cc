@@ -3,15 +3,17 @@
 #include <algorithm>
 #include <limits>
 
+#include "libs/base/options.h"
+
 namespace mapmend {
 
-std::string ConnectionSearchOptions::Check() const {
-  if (const std::string e = connected_frames.Check(); !e.empty()) return "connected_frames: " + e;
-  if (max_cached_keyframes < connected_frames.max_window_size + connected_frames.window_size)
-    return "the cache must hold the keyframes of two windows";
-  if (max_proposals < 1 || max_verified_per_submap < 1 || max_accepted_per_submap < 1)
-    return "the limits must be positive";
-  return "";
+std::string ConnectionSearchOptions::Check() const { return CheckOptions(*this); }
+
+std::string ConnectionSearchOptions::Conflict() const {
+  const int needed = connected_frames.max_window_size + connected_frames.window_size;
+  if (max_cached_keyframes >= needed) return "";
+  return "max_cached_keyframes must be at least " + std::to_string(needed) +
+         ", the keyframes of two windows (connected_frames.max_window_size and window_size)";
 }
 
 ConnectionSearch::ConnectionSearch(const ConnectionSearchOptions& options, Sessions* sessions, BowSource* bow,

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/connecting/connection_graph.h"
 #include "libs/connecting/keyframe_cache.h"
 #include "libs/connecting/neighbors_in_time.h"
@@ -35,7 +36,20 @@ struct ConnectionSearchOptions {
   int max_evaluated_again = 30;      // keyframes of an ended submap without a connection that are asked once more
   int max_cached_keyframes = 500;    // held complete; the others' bulk is read again when needed (keyframe_cache.h)
 
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("connected_frames", connected_frames);
+    v("max_proposals", max_proposals, Range(1, 10000), "keyframes");
+    v("max_verified_per_submap", max_verified_per_submap, Range(1, 10000), "keyframes");
+    v("max_accepted_per_submap", max_accepted_per_submap, Range(1, 10000), "keyframes");
+    v("neighbors", neighbors);
+    v("max_evaluated_again", max_evaluated_again, Range(0, 1e6), "keyframes");
+    v("max_cached_keyframes", max_cached_keyframes, Range(1, 1e9), "keyframes");
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
+  // Empty, or which options contradict each other.
+  std::string Conflict() const;
 };
 
 // Section 3.3: which keyframes are connected frames. Decides which keyframes ask, and when: a keyframe is asked about

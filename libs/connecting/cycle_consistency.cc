@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "libs/base/median.h"
+#include "libs/base/options.h"
 #include "libs/connecting/merged_transforms.h"
 
 namespace mapmend {
@@ -140,10 +141,7 @@ Judgement Judge(int num_vertices, const std::vector<CycleEdge>& edges, const std
 
 }  // namespace
 
-std::string CycleConsistencyOptions::Check() const {
-  if (!(per_edge > 0) || !(drift >= 0) || !(num_sigmas >= 0)) return "tolerances must be positive";
-  return "";
-}
+std::string CycleConsistencyOptions::Check() const { return CheckOptions(*this); }
 
 CycleConsistencyResult FindConsistentForest(int num_vertices, const std::vector<CycleEdge>& edges,
                                             const CycleConsistencyOptions& options, const EdgeCredit& credit) {

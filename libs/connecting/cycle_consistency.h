@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/connecting/kruskal.h"
 #include "libs/geometry/sim3_refinement.h"
 
@@ -26,6 +27,13 @@ struct CycleConsistencyOptions {
   double drift = 0.05;     // for every viewing distance travelled within submaps from edge to edge
   double num_sigmas = 9;   // and by the edges' own uncertainty, 3 sigma, and 3 more for what the model leaves out
 
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("per_edge", per_edge, MoreThan(0), "viewing distances");
+    v("drift", drift, AtLeast(0), "of the way");
+    v("num_sigmas", num_sigmas, AtLeast(0), "sigma");
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
 };
 

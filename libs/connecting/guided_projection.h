@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/connecting/local_window.h"
 #include "libs/features/matching.h"
 #include "libs/geometry/similarity3.h"
@@ -34,6 +35,16 @@ struct ProjectionSearchOptions {
   int octave_tolerance = 2;
   double max_turn = 0.52;  // radians, orientation against prediction; pi: off
   double border = 0;       // pixels outside the image still counted as visible
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("radius", radius, MoreThan(0), "pixels at octave 0");
+    v("max_distance", max_distance, Range(0, 256), "bits");
+    v("ratio", ratio, Range(0, 1));
+    v("octave_tolerance", octave_tolerance, Range(0, 31), "octaves");
+    v("max_turn", max_turn, Range(0, 3.2), "radians");
+    v("border", border, AtLeast(0), "pixels");
+  }
 };
 
 struct ProjectionMatch {

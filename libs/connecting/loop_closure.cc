@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "libs/base/median.h"
+#include "libs/base/options.h"
 #include "libs/base/text_format.h"
-#include "libs/connecting/pose_graph_relations.h"
 
 namespace mapmend {
 namespace {
@@ -94,13 +94,13 @@ std::string WhyImplausible(const Drift& drift, const LoopClosureOptions& o) {
 // Brings tracking and some of the loops to agree, and measures what each loop has left open.
 class LoopCloser {
  public:
-  LoopCloser(const SubmapView& view, const std::vector<ConnectedFrames>& loops, const PoseGraphOptions& options)
+  LoopCloser(const SubmapView& view, const std::vector<ConnectedFrames>& loops, const LoopClosureOptions& options)
       : options_(options) {
     for (const auto& [id, keyframe] : view.submap->keyframes) {
       vertex_.emplace(id, static_cast<int>(vertex_.size()));
       cam_from_submap_.emplace_back(keyframe.cam_from_submap);
     }
-    AddTrackedRelations(*view.submap, 0, &tracked_);
+    AddTrackedRelations(*view.submap, 0, options.relations, &tracked_);
     for (const ConnectedFrames& loop : loops) {
       observations_.push_back(ResolveMatches(view, view, loop.a_in_b, loop.b_in_a));
       if (!vertex_.contains(loop.keyframe_a) || !vertex_.contains(loop.keyframe_b)) {
@@ -108,7 +108,8 @@ class LoopCloser {
         continue;
       }
       relations_.push_back(VerifiedRelation(*view.submap, loop.keyframe_a, vertex_.at(loop.keyframe_a), *view.submap,
-                                            loop.keyframe_b, vertex_.at(loop.keyframe_b), loop.b_from_a));
+                                            loop.keyframe_b, vertex_.at(loop.keyframe_b), loop.b_from_a,
+                                            options.relations.verified));
       // Plain least squares: a loss that lets go of large gaps would not close the loops that matter most.
       relations_.back().robust = false;
     }
@@ -122,7 +123,7 @@ class LoopCloser {
     for (const int i : closed) edges.push_back(relations_[i]);
     std::vector<Similarity3> world_from_cam;
     for (const Similarity3& t : cam_from_submap_) world_from_cam.push_back(t.Inverse());
-    const bool solved = OptimizePoseGraph(edges, 0, options_, &world_from_cam).success;
+    const bool solved = OptimizePoseGraph(edges, 0, options_.pose_graph, &world_from_cam).success;
     std::vector<double> left;
     for (const int i : measured) {
       const int a = relations_[i].a, b = relations_[i].b;
@@ -136,7 +137,7 @@ class LoopCloser {
   }
 
  private:
-  const PoseGraphOptions& options_;
+  const LoopClosureOptions& options_;
   std::map<KeyframeId, int> vertex_;
   std::vector<Similarity3> cam_from_submap_;
   std::vector<PoseGraphEdge> tracked_, relations_;
@@ -192,14 +193,7 @@ double LargestMedian(const std::vector<Place>& places, const std::vector<double>
 
 }  // namespace
 
-std::string LoopClosureOptions::Check() const {
-  if (!(closed_px > 0) || !(agreement_px > 0) || !(max_left_px > 0)) return "the limits in pixels must be positive";
-  if (!(gap >= 0) || !(gap_per_distance >= 0) || !(log_scale >= 0) || !(log_scale_per_distance >= 0) ||
-      !(turn_deg >= 0) || !(turn_deg_per_distance >= 0)) {
-    return "the limits of drift must not be negative";
-  }
-  return "";
-}
+std::string LoopClosureOptions::Check() const { return CheckOptions(*this); }
 
 bool LoopsAgree(const SubmapView& view, const ConnectedFrames& first, const ConnectedFrames& second,
                 const LoopClosureOptions& options) {
@@ -255,7 +249,7 @@ LoopJudgement JudgeLoops(const SubmapView& view, const std::vector<ConnectedFram
     return true;
   });
 
-  const LoopCloser closer(view, loops, options.pose_graph);
+  const LoopCloser closer(view, loops, options);
   // One loop alone does not decide: the second largest gap.
   const auto gap_as_tracked = [&] {
     std::vector<double> gaps;

@@ -3,7 +3,9 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/connecting/connected_frames.h"
+#include "libs/connecting/pose_graph_relations.h"
 #include "libs/optim/sim3_pose_graph.h"
 
 // Loop closure within a submap: which of the verified pairs of keyframes that see the same ground twice are to be
@@ -30,8 +32,26 @@ struct LoopClosureOptions {
   double max_turn_deg = 45;
   // What may be left open, pixels (median), of any place once all loops and all tracking are brought to agree.
   double max_left_px = 16;
+  KeyframeRelationOptions relations;
   PoseGraphOptions pose_graph;
 
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("closed_px", closed_px, MoreThan(0), "pixels");
+    v("agreement_px", agreement_px, MoreThan(0), "pixels");
+    v("max_steps", max_steps, Range(1, 10000), "keyframes");
+    v("gap", gap, AtLeast(0), "viewing distances");
+    v("gap_per_distance", gap_per_distance, AtLeast(0), "of the way");
+    v("log_scale", log_scale, AtLeast(0));
+    v("log_scale_per_distance", log_scale_per_distance, AtLeast(0), "per viewing distance");
+    v("turn_deg", turn_deg, AtLeast(0), "degrees");
+    v("turn_deg_per_distance", turn_deg_per_distance, AtLeast(0), "degrees per viewing distance");
+    v("max_turn_deg", max_turn_deg, Range(0, 180), "degrees");
+    v("max_left_px", max_left_px, MoreThan(0), "pixels");
+    v("relations", relations);
+    v("pose_graph", pose_graph);
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
 };
 

@@ -3,6 +3,7 @@
 #include <utility>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/stream/submap.h"
 
 namespace mapmend {
@@ -10,6 +11,12 @@ namespace mapmend {
 struct NeighborsInTimeOptions {
   int num_keyframes = 5;  // at the beginning of a submap and at the end of an earlier one
   int num_submaps = 2;    // earlier ones: between two good submaps there is often a short, bad one
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("num_keyframes", num_keyframes, Range(0, 10000), "keyframes");
+    v("num_submaps", num_submaps, Range(0, 10000), "submaps");
+  }
 };
 
 // Candidates that need no retrieval: where a submap begins, its camera has often not gone far since an earlier submap

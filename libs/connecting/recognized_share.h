@@ -1,5 +1,6 @@
 #pragma once
 
+#include "libs/base/range.h"
 #include "libs/connecting/connection.h"
 
 namespace mapmend {
@@ -12,6 +13,16 @@ struct RecognizedShareOptions {
   int max_keyframes = 60;    // of each submap that are asked, evenly chosen
   int num_samples = 20;      // map points per keyframe that stand for all
   int doubt = 2;             // keyframes: so few predictions say little
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("min_overlap", min_overlap, Range(0, 1), "of the points");
+    v("max_zoom", max_zoom, AtLeast(1));
+    v("max_view_deg", max_view_deg, Range(0, 180), "degrees");
+    v("max_keyframes", max_keyframes, Range(1, 1e6), "keyframes");
+    v("num_samples", num_samples, Range(1, 1e6), "points");
+    v("doubt", doubt, Range(0, 1e6), "keyframes");
+  }
 };
 
 // What speaks against a connection is what it predicts and nobody saw. If the transform is right, keyframes that it

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/connecting/local_window.h"
 
 namespace mapmend {
@@ -24,6 +25,14 @@ struct WindowMatchingOptions {
   double ratio = 0.85;         // best against second best
   double scale_octaves = 1.5;  // half the width, in pyramid levels, of what counts as one scale
   double turn_deg = 18;        // and as one turn
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("max_distance", max_distance, Range(0, 256), "bits");
+    v("ratio", ratio, Range(0, 1));
+    v("scale_octaves", scale_octaves, MoreThan(0), "octaves");
+    v("turn_deg", turn_deg, Range(0, 180), "degrees");
+  }
 };
 
 // Map points of two windows that look alike: those that the first keyframe of either window sees with those of all of

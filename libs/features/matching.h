@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/features/features.h"
 
 // Descriptor matching between two images. All functions are deterministic; ties go to the lower index.
@@ -19,6 +20,14 @@ struct MatchOptions {
   double ratio = 0.8;             // best / second best distance must be below (Lowe, IJCV 2004)
   bool mutual = true;             // b's best must be a too
   bool check_orientation = true;  // keep only matches whose rotation agrees with the dominant one
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("max_distance", max_distance, Range(0, 256), "bits");
+    v("ratio", ratio, Range(0, 1));
+    v("mutual", mutual);
+    v("check_orientation", check_orientation);
+  }
 };
 
 // Every feature of a against every feature of b: needs no motion model, costs |a||b| comparisons (2000 x 2000: 10 ms).

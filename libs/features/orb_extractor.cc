@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "libs/base/options.h"
 #include "libs/features/corner.h"
 #include "libs/features/oriented_brief.h"
 #include "libs/features/patch_kernels.h"
@@ -22,13 +23,6 @@ constexpr int kBorder = PatchKernels::kBlurRadius;
 constexpr int kPadding = 4;
 constexpr int kTensorRadius = 4;  // pixels that the strength of a corner needs
 constexpr size_t kAhead = 6;      // corners whose pixels are on their way while one is measured
-
-void CheckRange(const char* name, double value, double low, double high) {
-  if (!(value >= low && value <= high)) {
-    throw std::invalid_argument(std::string("ORB option ") + name + " must lie in [" + std::to_string(low) + ", " +
-                                std::to_string(high) + "]");
-  }
-}
 
 // One level of the pyramid, a view into the workspace: pixel (x, y) is data[y * stride + x]; kPadding pixels around the
 // level exist and, to the right, as many as the kernels may read.
@@ -189,14 +183,10 @@ float HarrisStrength(const PatchKernels::Tensor& t) {
 
 }  // namespace
 
-void OrbOptions::Check() const {
-  CheckRange("num_features", num_features, 1, 100000);
-  CheckRange("scale_factor", scale_factor, 1.01, 4);
-  CheckRange("num_levels", num_levels, 1, 32);
-  CheckRange("fast_threshold", fast_threshold, 1, 254);
-  CheckRange("min_fast_threshold", min_fast_threshold, 1, fast_threshold);
-  CheckRange("cell_size", cell_size, 8, 1024);
-  CheckRange("corners_per_node", corners_per_node, 1, 100000);
+std::string OrbOptions::Check() const { return CheckOptions(*this); }
+
+std::string OrbOptions::Conflict() const {
+  return min_fast_threshold <= fast_threshold ? "" : "min_fast_threshold must not be more than fast_threshold";
 }
 
 struct OrbExtractor::Impl {
@@ -219,7 +209,7 @@ struct OrbExtractor::Impl {
 };
 
 OrbExtractor::OrbExtractor(const OrbOptions& options) : options_(options), impl_(std::make_unique<Impl>()) {
-  options_.Check();
+  if (const std::string error = options_.Check(); !error.empty()) throw std::invalid_argument("ORB: " + error);
 }
 
 OrbExtractor::~OrbExtractor() = default;

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/features/features.h"
 
 namespace cv {
@@ -20,8 +22,26 @@ struct OrbOptions {
   int cell_size = 32;          // pixels of the level; the cells of the adaptive threshold
   int corners_per_node = 4;    // 1: spread as evenly as can be; more: stronger corners, found again more often
 
-  // Throws std::invalid_argument naming the option that is out of range.
-  void Check() const;
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("num_features", num_features, Range(1, 100000));
+    VisitCorners(v);
+  }
+
+  // All but the number of features.
+  template <typename Visitor>
+  void VisitCorners(Visitor& v) {
+    v("scale_factor", scale_factor, Range(1.01, 4));
+    v("num_levels", num_levels, Range(1, 32));
+    v("fast_threshold", fast_threshold, Range(1, 254), "grey levels");
+    v("min_fast_threshold", min_fast_threshold, Range(1, 254), "grey levels");
+    v("cell_size", cell_size, Range(8, 1024), "pixels");
+    v("corners_per_node", corners_per_node, Range(1, 100000));
+  }
+  // Empty, or one line that names the first option that is wrong.
+  std::string Check() const;
+  // Empty, or which options contradict each other.
+  std::string Conflict() const;
 };
 
 // Features of one image as extracted; both vectors have the same length. Ordered by octave, then along a space-filling

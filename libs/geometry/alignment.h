@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/geometry/similarity3.h"
 #include "libs/geometry/trajectory_file.h"
 
@@ -37,6 +38,12 @@ std::vector<TimePair> AssociateByTime(const Trajectory& estimate, const Trajecto
 struct EvaluationOptions {
   AlignmentKind kind = AlignmentKind::kSimilarity;
   int64_t tolerance_us = 10000;  // 10 ms, a third of a frame at 30 fps
+
+  // Not visited: kind: whoever compares says it.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("tolerance_us", tolerance_us, Range(0, 1e15), "us");
+  }
 };
 
 // Errors are distances between camera centres after alignment, in the reference's unit (metres).

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/geometry/camera.h"
 #include "libs/geometry/rigid3.h"
 
@@ -14,6 +15,14 @@ struct PnpOptions {
   int max_iterations = 300;
   double confidence = 0.999;
   uint64_t seed = 1;
+
+  // Not visited: seed: that of the whole program.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("threshold_px", threshold_px, MoreThan(0), "pixels at sigma 1");
+    v("max_iterations", max_iterations, Range(1, 1e6));
+    v("confidence", confidence, Between(0, 1));
+  }
 };
 
 struct PnpResult {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <random>
 
+#include "libs/base/options.h"
 #include "libs/geometry/sim3_closed_form.h"
 
 namespace mapmend {
@@ -58,14 +59,7 @@ int NumIterationsNeeded(double inlier_ratio, double confidence) {
 
 }  // namespace
 
-std::string Sim3RansacOptions::Check() const {
-  if (max_iterations < 1) return "max_iterations must be positive";
-  if (!(confidence > 0 && confidence < 1)) return "confidence must lie between 0 and 1";
-  if (!(max_squared_error > 0)) return "max_squared_error must be positive";
-  if (!(max_scale >= 1)) return "max_scale must be 1 or more";
-  if (min_inliers < 3) return "min_inliers must be 3 or more";
-  return "";
-}
+std::string Sim3RansacOptions::Check() const { return CheckOptions(*this); }
 
 Sim3RansacResult EstimateSim3(const std::vector<PointMatch>& matches, const Sim3RansacOptions& options) {
   Sim3RansacResult result;

@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
+#include "libs/geometry/chi_square.h"
 #include "libs/geometry/sim3_correspondence.h"
 
 namespace mapmend {
@@ -18,12 +20,21 @@ struct PointMatch {
 struct Sim3RansacOptions {
   uint64_t seed = 1;
   int max_iterations = 400;
-  double confidence = 0.999;        // stop once a better model has been missed with less than 1 - confidence
-  double max_squared_error = 9.21;  // both ways, in sigma^2: 99 % of a chi-square with 2 degrees of freedom
-  double max_scale = 8;             // of b_from_a, and its inverse; beyond it ORB cannot have matched
+  double confidence = 0.999;  // stop once a better model has been missed with less than 1 - confidence
+  double max_squared_error = kChiSquare2Dof99;  // both ways, in sigma^2
+  double max_scale = 8;                         // of b_from_a, and its inverse; beyond it ORB cannot have matched
   int min_inliers = 4;
 
-  // Empty, or what is wrong.
+  // Not visited: seed: that of the flight.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("max_iterations", max_iterations, Range(1, 1e6));
+    v("confidence", confidence, Between(0, 1));
+    v("max_squared_error", max_squared_error, MoreThan(0), "sigma^2");
+    v("max_scale", max_scale, AtLeast(1));
+    v("min_inliers", min_inliers, Range(3, 100000));
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
 };
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libs/base/options.h"
+
 namespace mapmend {
 namespace {
 
@@ -126,11 +128,7 @@ bool ResidualBInA(const CrossObservation& o, const Similarity3& b_from_a, Eigen:
   return Project(o, x, dx, residual, jacobian);
 }
 
-std::string Sim3RefinementOptions::Check() const {
-  if (max_iterations < 1 || num_rounds < 1) return "max_iterations and num_rounds must be positive";
-  if (!(huber > 0) || !(max_squared_error > 0)) return "huber and max_squared_error must be positive";
-  return "";
-}
+std::string Sim3RefinementOptions::Check() const { return CheckOptions(*this); }
 
 Sim3RefinementResult RefineSim3(const CrossObservations& observations, const Similarity3& initial,
                                 const Sim3RefinementOptions& options) {

@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
+#include "libs/geometry/chi_square.h"
 #include "libs/geometry/sim3_correspondence.h"
 
 namespace mapmend {
@@ -28,10 +30,18 @@ bool ResidualBInA(const CrossObservation& o, const Similarity3& b_from_a, Eigen:
 struct Sim3RefinementOptions {
   int max_iterations = 20;
   double huber = 2.0;  // sigma; errors beyond it count linearly
-  double max_squared_error =
-      9.21;            // sigma^2; observations beyond it are dropped after the first round, and counted out
+  // sigma^2; observations beyond it are dropped after the first round, and counted out.
+  double max_squared_error = kChiSquare2Dof99;
   int num_rounds = 3;  // refine, drop, refine ...; dropped ones may come back
 
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("max_iterations", max_iterations, Range(1, 10000));
+    v("huber", huber, MoreThan(0), "sigma");
+    v("max_squared_error", max_squared_error, MoreThan(0), "sigma^2");
+    v("num_rounds", num_rounds, Range(1, 1000));
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
 };
 

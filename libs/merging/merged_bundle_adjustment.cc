@@ -8,12 +8,13 @@
 #include <string>
 
 #include "libs/base/text_format.h"
+#include "libs/geometry/chi_square.h"
 #include "libs/optim/reprojection_cost.h"
 
 namespace mapmend {
 namespace {
 
-constexpr double kHuber = 2.4477;
+constexpr double kHuber = kChi2Dof95;
 
 double PointCost(const MergedMap& map, const MergedPoint& point) {
   double cost = 0;

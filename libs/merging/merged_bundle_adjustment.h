@@ -3,6 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
+#include "libs/geometry/chi_square.h"
 #include "libs/merging/merged_map.h"
 #include "libs/optim/bundle_adjustment.h"
 
@@ -18,8 +20,20 @@ struct MergedBundleOptions {
   bool find_readouts = false;
   double min_gain = 0.01;  // 0.002 to 0.006 where all rows were read at once, 0.015 to 0.2 elsewhere
   double min_drop = 20;
-  double min_readout = 0.002, max_readout = 0.1;  // seconds, either way: a camera may be mounted upside down
-  double outlier_squared_error = 9.21;            // sigma^2; observations beyond it are removed after the adjustment
+  double min_readout = 0.002, max_readout = 0.1;    // seconds, either way: a camera may be mounted upside down
+  double outlier_squared_error = kChiSquare2Dof99;  // sigma^2; observations beyond it are removed after the adjustment
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("bundle", bundle);
+    v("points_per_keyframe", points_per_keyframe, Range(0, 1e6), "points; 0: all");
+    v("find_readouts", find_readouts);
+    v("min_gain", min_gain, Range(0, 1), "of the cost");
+    v("min_drop", min_drop, AtLeast(0), "of the cost");
+    v("min_readout", min_readout, AtLeast(0), "s");
+    v("max_readout", max_readout, AtLeast(0), "s");
+    v("outlier_squared_error", outlier_squared_error, MoreThan(0), "sigma^2");
+  }
 };
 
 struct MergedBundleSummary {

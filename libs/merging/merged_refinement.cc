@@ -5,17 +5,18 @@
 #include <optional>
 #include <utility>
 
+#include "libs/base/options.h"
 #include "libs/base/text_format.h"
-#include "libs/connecting/pose_graph_relations.h"
 #include "libs/geometry/sim3_closed_form.h"
 
 namespace mapmend {
 namespace {
 
-std::vector<PoseGraphEdge> Relations(const MergedMap& map, const std::vector<RefinementLink>& links) {
+std::vector<PoseGraphEdge> Relations(const MergedMap& map, const std::vector<RefinementLink>& links,
+                                     const KeyframeRelationOptions& options) {
   std::vector<PoseGraphEdge> edges;
   for (int s = 0, first = 0; s < static_cast<int>(map.submaps.size()); ++s) {
-    AddTrackedRelations(*map.submaps[s].submap, first, &edges);
+    AddTrackedRelations(*map.submaps[s].submap, first, options, &edges);
     first += static_cast<int>(map.submaps[s].submap->keyframes.size());
   }
   for (const RefinementLink& link : links) {
@@ -23,7 +24,8 @@ std::vector<PoseGraphEdge> Relations(const MergedMap& map, const std::vector<Ref
               b = map.FindKeyframe(link.submap_b, link.keyframe_b);
     if (a < 0 || b < 0) continue;  // culled since
     edges.push_back(VerifiedRelation(*map.submaps[link.submap_a].submap, link.keyframe_a, a,
-                                     *map.submaps[link.submap_b].submap, link.keyframe_b, b, link.b_from_a));
+                                     *map.submaps[link.submap_b].submap, link.keyframe_b, b, link.b_from_a,
+                                     options.verified));
     edges.back().robust = link.robust;
   }
   return edges;
@@ -44,7 +46,7 @@ PoseGraphSummary SolvePoseGraph(const std::vector<PoseGraphEdge>& edges, const P
   return summary;
 }
 
-void AppendOverlaps(const MergedMap& map, const std::vector<OverlapRelation>& relations,
+void AppendOverlaps(const MergedMap& map, const std::vector<OverlapRelation>& relations, const RelationSigmas& sigmas,
                     std::vector<PoseGraphEdge>* edges) {
   for (const OverlapRelation& r : relations) {
     const MergedKeyframe &from = map.keyframes[r.from], &to = map.keyframes[r.to];
@@ -52,9 +54,7 @@ void AppendOverlaps(const MergedMap& map, const std::vector<OverlapRelation>& re
     edge.a = r.from;
     edge.b = r.to;
     edge.b_from_a = to.RootFromCam().Inverse() * r.to_from_from * from.RootFromCam();
-    edge.sigma_rotation = 0.0015;  // the mean of many points
-    edge.sigma_translation = 0.003 * std::max(1e-9, MedianDepth(*map.submaps[to.submap].submap, *to.keyframe));
-    edge.sigma_scale = 0.003;
+    edge.SetSigmas(sigmas, std::max(1e-9, MedianDepth(*map.submaps[to.submap].submap, *to.keyframe)));
     edge.robust = true;
     edges->push_back(edge);
   }
@@ -119,10 +119,11 @@ void TransformMap(const Similarity3& new_from_old, MergedMap* map) {
 
 }  // namespace
 
-std::string MergedRefinementOptions::Check() const {
-  if (radii.empty() || radii.size() != iterations.size())
-    return "radii and iterations must have the same, positive length";
-  return "";
+std::string MergedRefinementOptions::Check() const { return CheckOptions(*this); }
+
+std::string MergedRefinementOptions::Conflict() const {
+  if (!radii.empty() && radii.size() == iterations.size()) return "";
+  return "radii and iterations must have the same, positive length";
 }
 
 MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
@@ -147,7 +148,8 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
   const std::vector<MergedKeyframe> tree_keyframes = map.keyframes;
   SearchedKeyframes searched(map, open_features);
 
-  std::vector<PoseGraphEdge> edges = links.empty() ? std::vector<PoseGraphEdge>() : Relations(map, links);
+  std::vector<PoseGraphEdge> edges =
+      links.empty() ? std::vector<PoseGraphEdge>() : Relations(map, links, options.relations);
   if (!edges.empty()) {
     report(Format("pose graph of %zu keyframes and %zu relations", map.keyframes.size(), edges.size()));
     summary.pose_graph = SolvePoseGraph(edges, options.pose_graph, &map);
@@ -165,7 +167,7 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
   // bundle adjustment would need very many steps for.
   const auto straighten = [&](const std::vector<OverlapRelation>& relations) {
     edges.resize(num_links_and_tracked);
-    AppendOverlaps(map, relations, &edges);
+    AppendOverlaps(map, relations, options.overlapping, &edges);
     report(Format("pose graph of %zu keyframes and %zu relations, overlaps among them", map.keyframes.size(),
                   edges.size()));
     summary.pose_graph = SolvePoseGraph(edges, options.pose_graph, &map);

@@ -4,7 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/connecting/connected_frames.h"
+#include "libs/connecting/pose_graph_relations.h"
 #include "libs/merging/merged_bundle_adjustment.h"
 #include "libs/merging/overlap_matching.h"
 #include "libs/merging/seam_windows.h"
@@ -22,6 +24,9 @@ struct RefinementLink {
 
 struct MergedRefinementOptions {
   PoseGraphOptions pose_graph;
+  KeyframeRelationOptions relations;
+  // Of keyframes that overlap, by the matches between them: the mean of many points.
+  RelationSigmas overlapping = {0.0015, 0.003, 0.003};
   OverlapOptions overlap;
   OverlapMatchingOptions matching;
   MergedBundleOptions bundle;
@@ -44,7 +49,29 @@ struct MergedRefinementOptions {
   bool find_readouts = true;
   int readout_iterations = 12;
 
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("pose_graph", pose_graph);
+    v("relations", relations);
+    v("overlapping", overlapping);
+    v("overlap", overlap);
+    v("matching", matching);
+    v("bundle", bundle);
+    v("radii", radii, MoreThan(0), "pixels at octave 0");
+    v("iterations", iterations, Range(1, 10000));
+    v("max_keyframes_with_all_points", max_keyframes_with_all_points, Range(0, 1e9), "keyframes");
+    v("max_keyframes_without_overlaps", max_keyframes_without_overlaps, Range(0, 1e9), "keyframes");
+    v("min_points_of_overlap", min_points_of_overlap, Range(0, 1e6), "points");
+    v("large_trust_radius", large_trust_radius, MoreThan(0));
+    v("max_keyframes_at_once", max_keyframes_at_once, Range(0, 1e9), "keyframes");
+    v("windows", windows);
+    v("find_readouts", find_readouts);
+    v("readout_iterations", readout_iterations, Range(1, 10000));
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
+  // Empty, or which options contradict each other.
+  std::string Conflict() const;
 };
 
 struct MergedRefinementSummary {

@@ -5,6 +5,7 @@
 #include <utility>
 #include <variant>
 
+#include "libs/base/options.h"
 #include "libs/merging/flight_seed.h"
 
 namespace mapmend {
@@ -23,13 +24,7 @@ bool SamePlaces(const MergedTransforms& l, const MergedTransforms& r) {
 
 }  // namespace
 
-std::string MergerOptions::Check() const {
-  if (const std::string e = search.Check(); !e.empty()) return e;
-  if (const std::string e = graph.Check(); !e.empty()) return e;
-  if (const std::string e = refinement.Check(); !e.empty()) return "refinement: " + e;
-  if (const std::string e = wide.Check(); !e.empty()) return "wide: " + e;
-  return "";
-}
+std::string MergerOptions::Check() const { return CheckOptions(*this); }
 
 Merger::Merger(const MergerOptions& options, BowSource* bow, MergerOutput* output, KeyframeSource* keyframes)
     : options_(options),

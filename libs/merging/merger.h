@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/connecting/connection_graph.h"
 #include "libs/connecting/connection_search.h"
 #include "libs/connecting/wide_search.h"
@@ -35,6 +36,14 @@ struct MergerOptions {
   RefinementScheduleOptions refinement;
   WideSearchOptions wide;
 
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("seed", seed);
+    v("search", search);
+    v("graph", graph);
+    v("refinement", refinement);
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
 };
 

@@ -72,9 +72,8 @@ void MatchOneWay(const MergedMap& map, int source, const SearchedKeyframe& searc
     observations.push_back({appearances[m.appearance].position, keypoint.pixel.cast<double>(),
                             map.PyramidOf(target).Sigma(keypoint.octave)});
   }
-  // The source's points carry their own noise on top of the pixel's.
   PoseOptimizationOptions pose_options;
-  pose_options.outlier_chi2 = 9.21;
+  pose_options.outlier_chi2 = options.outlier_chi2;
   const PoseOptimizationResult pose = OptimizePose(map.CameraOf(target), t.cam_from_root, observations, pose_options);
   if (!pose.success || pose.num_inliers < options.min_matches ||
       pose.num_inliers < options.min_inlier_rate * static_cast<double>(observations.size())) {

@@ -3,7 +3,9 @@
 #include <utility>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/base/votes.h"
+#include "libs/geometry/chi_square.h"
 #include "libs/merging/merged_map.h"
 #include "libs/merging/searched_keyframes.h"
 
@@ -22,6 +24,14 @@ struct OverlapOptions {
   double max_shared_fraction = 0.5;
   int max_partners = 14;  // per keyframe, largest overlap first
   int num_samples = 40;   // map points per keyframe that stand for all
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("min_overlap", min_overlap, Range(0, 1), "of the points");
+    v("max_shared_fraction", max_shared_fraction, Range(0, 1), "of the points");
+    v("max_partners", max_partners, Range(0, 10000), "keyframes");
+    v("num_samples", num_samples, Range(1, 1e6), "points");
+  }
 };
 
 // Pairs of keyframes that overlap by prediction and are not matched well yet, each partner list spread over all
@@ -36,6 +46,19 @@ struct OverlapMatchingOptions {
   int octave_tolerance = 2;
   int min_matches = 15;  // of a pair that agree on one pose; fewer: the pair is not trusted
   double min_inlier_rate = 0.4;
+  // sigma^2 of an inlier: wide, because the points of the other keyframe carry their own noise on top of the pixel's.
+  double outlier_chi2 = kChiSquare2Dof99;
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("radius", radius, MoreThan(0), "pixels at octave 0");
+    v("max_distance", max_distance, Range(0, 256), "bits");
+    v("ratio", ratio, Range(0, 1));
+    v("octave_tolerance", octave_tolerance, Range(0, 31), "octaves");
+    v("min_matches", min_matches, Range(0, 100000));
+    v("min_inlier_rate", min_inlier_rate, Range(0, 1));
+    v("outlier_chi2", outlier_chi2, MoreThan(0), "sigma^2");
+  }
 };
 
 // A map point recognised in a keyframe in which it was not seen before.

@@ -5,6 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include "libs/base/options.h"
+
 namespace mapmend {
 namespace {
 
@@ -82,12 +84,7 @@ RefinementScheduleOptions::RefinementScheduleOptions() {
   live.find_readouts = false;
 }
 
-std::string RefinementScheduleOptions::Check() const {
-  if (const std::string e = final_map.Check(); !e.empty()) return "final_map: " + e;
-  if (const std::string e = live.Check(); !e.empty()) return "live: " + e;
-  if (live_growth <= 1) return "live_growth must be more than 1";
-  return "";
-}
+std::string RefinementScheduleOptions::Check() const { return CheckOptions(*this); }
 
 bool RefinementSchedule::IsDue(const Sessions& sessions, const ConnectionGraph& graph) const {
   const int num_keyframes = NumJoinedKeyframes(sessions, graph);

@@ -5,6 +5,7 @@
 #include <set>
 #include <string>
 
+#include "libs/base/range.h"
 #include "libs/connecting/connection_graph.h"
 #include "libs/connecting/merged_transforms.h"
 #include "libs/merging/refinement_task.h"
@@ -18,6 +19,13 @@ struct RefinementScheduleOptions {
   MergedRefinementOptions live;  // during the flight: fewer rounds, and a part of the points
   double live_growth = 1.5;      // due when so many times the keyframes are joined, or the tree is another one
 
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("final_map", final_map);
+    v("live", live);
+    v("live_growth", live_growth, MoreThan(1));
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
 };
 

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/merging/merged_map.h"
 
 namespace mapmend {
@@ -9,6 +10,12 @@ namespace mapmend {
 struct SeamWindowOptions {
   int window_size = 300;  // keyframes
   int max_windows = 12;   // at most: this bounds the time
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("window_size", window_size, Range(2, 1e6), "keyframes");
+    v("max_windows", max_windows, Range(1, 10000), "windows");
+  }
 };
 
 // Seams of a merged map are where submaps, or far-apart parts of one, have been joined: keyframes that see fused

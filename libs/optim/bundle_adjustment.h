@@ -3,7 +3,9 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/geometry/camera.h"
+#include "libs/geometry/chi_square.h"
 #include "libs/geometry/rigid3.h"
 
 // Bundle adjustment: poses and points that minimise sum rho(|project(cam_from_world * point) - pixel|^2 / sigma^2).
@@ -38,13 +40,24 @@ struct BundleProblem {
 
 struct BundleOptions {
   int max_iterations = 10;
-  double huber = 2.4477;  // sqrt of chi2(2 dof, 95 %): in units of sigma
+  double huber = kChi2Dof95;  // in units of sigma
   double function_tolerance = 1e-5;
   int points_per_pose =
       0;  // 0: all. Else poses follow from about so many points each, and the other points from the poses
   double initial_trust_radius = 1e4;  // of Levenberg-Marquardt: larger, and the first steps are those of Gauss-Newton
   double readout_sigma = 0.03;        // seconds; readout times are drawn to zero by so much
   double max_seconds = 0;             // 0: no bound. A bound makes the result depend on the machine: live use only.
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("max_iterations", max_iterations, Range(1, 10000));
+    v("huber", huber, MoreThan(0), "sigma");
+    v("function_tolerance", function_tolerance, AtLeast(0));
+    v("points_per_pose", points_per_pose, Range(0, 1e6), "points; 0: all");
+    v("initial_trust_radius", initial_trust_radius, MoreThan(0));
+    v("readout_sigma", readout_sigma, MoreThan(0), "s");
+    v("max_seconds", max_seconds, AtLeast(0), "s; 0: no bound");
+  }
 };
 
 struct BundleSummary {

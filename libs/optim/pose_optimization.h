@@ -4,7 +4,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/geometry/camera.h"
+#include "libs/geometry/chi_square.h"
 #include "libs/geometry/rigid3.h"
 
 namespace mapmend {
@@ -18,8 +20,16 @@ struct PoseObservation {
 struct PoseOptimizationOptions {
   int rounds = 4;  // outliers are judged anew after each
   int iterations_per_round = 10;
-  double huber = 2.4477;        // in sigma; off in the last two rounds
-  double outlier_chi2 = 5.991;  // 95 % of chi2 with 2 degrees of freedom
+  double huber = kChi2Dof95;               // in sigma; off in the last two rounds
+  double outlier_chi2 = kChiSquare2Dof95;  // in sigma^2
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("rounds", rounds, Range(1, 1000));
+    v("iterations_per_round", iterations_per_round, Range(1, 1000));
+    v("huber", huber, AtLeast(0), "sigma");
+    v("outlier_chi2", outlier_chi2, MoreThan(0), "sigma^2");
+  }
 };
 
 struct PoseOptimizationResult {

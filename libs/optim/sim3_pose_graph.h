@@ -3,9 +3,24 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/geometry/similarity3.h"
 
 namespace mapmend {
+
+// How exactly a relation is known, one standard deviation each.
+struct RelationSigmas {
+  double rotation = 0.01;     // radians
+  double translation = 0.02;  // of the depth of the scene at camera b (median)
+  double scale = 0.02;        // of the natural logarithm
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("rotation", rotation, MoreThan(0), "radians");
+    v("translation", translation, MoreThan(0), "of the median depth");
+    v("scale", scale, MoreThan(0), "of its logarithm");
+  }
+};
 
 // A measured relation between two vertices of a pose graph: b_from_a takes coordinates of camera a into those of camera
 // b.
@@ -16,11 +31,24 @@ struct PoseGraphEdge {
   double sigma_translation = 0.02;  // units of camera b
   double sigma_scale = 0.02;        // of the natural logarithm
   bool robust = false;              // Cauchy loss: for relations that may be wrong
+
+  // depth: median depth of the scene at camera b, in its units.
+  void SetSigmas(const RelationSigmas& sigmas, double depth) {
+    sigma_rotation = sigmas.rotation;
+    sigma_translation = sigmas.translation * depth;
+    sigma_scale = sigmas.scale;
+  }
 };
 
 struct PoseGraphOptions {
   int max_iterations = 50;
   double cauchy = 3;  // sigma at which a robust edge begins to lose influence
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("max_iterations", max_iterations, Range(1, 10000));
+    v("cauchy", cauchy, MoreThan(0), "sigma");
+  }
 };
 
 struct PoseGraphSummary {

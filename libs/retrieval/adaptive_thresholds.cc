@@ -2,25 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
-#include <string>
 
 namespace mapmend {
-namespace {
 
-void Require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(std::string("retrieval options: ") + what);
-}
-
-}  // namespace
-
-void ThresholdOptions::Check() const {
-  Require(nearby_overlap > 0 && nearby_overlap < 1, "nearby_overlap must lie in (0, 1)");
-  Require(min_overlap >= 0 && min_overlap <= nearby_overlap, "min_overlap must lie in [0, nearby_overlap]");
-  Require(max_overlap >= nearby_overlap && max_overlap <= 1, "max_overlap must lie in [nearby_overlap, 1]");
-  Require(min_ratio >= 0 && min_ratio <= max_ratio && max_ratio <= 1, "0 <= min_ratio <= max_ratio <= 1 must hold");
-  Require(default_k >= 0 && default_k <= 1, "default_k must lie in [0, 1]");
-  Require(default_l >= 0 && default_l <= 1, "default_l must lie in [0, 1]");
+std::string ThresholdOptions::Conflict() const {
+  if (min_overlap > nearby_overlap || max_overlap < nearby_overlap)
+    return "nearby_overlap must lie between min_overlap and max_overlap";
+  return min_ratio <= max_ratio ? "" : "min_ratio must not be more than max_ratio";
 }
 
 int32_t ChooseNearby(const std::vector<Overlap>& overlaps, int32_t adjacent, const ThresholdOptions& options) {

@@ -2,8 +2,10 @@
 
 #include <cstdint>
 #include <functional>
+#include <string>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/retrieval/bow_vector.h"
 #include "libs/retrieval/inverted_index.h"
 
@@ -21,8 +23,18 @@ struct ThresholdOptions {
   double min_ratio = 0.3, max_ratio = 1.0;      // clamps of k and l
   double default_k = 0.8, default_l = 0.75;     // without a usable nearby keyframe, as ORB-SLAM2
 
-  // Throws std::invalid_argument naming the option.
-  void Check() const;
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("nearby_overlap", nearby_overlap, Between(0, 1), "of the points");
+    v("min_overlap", min_overlap, Range(0, 1), "of the points");
+    v("max_overlap", max_overlap, Range(0, 1), "of the points");
+    v("min_ratio", min_ratio, Range(0, 1));
+    v("max_ratio", max_ratio, Range(0, 1));
+    v("default_k", default_k, Range(0, 1));
+    v("default_l", default_l, Range(0, 1));
+  }
+  // Empty, or which options contradict each other.
+  std::string Conflict() const;
 };
 
 // Overlap of the query q with one keyframe of its submap: shared map points / map points of q.
@@ -50,7 +62,14 @@ AdaptiveThresholds ComputeThresholds(const BowVector& query, const BowVector* ad
 struct SelectionOptions {
   int min_common_words = 5;      // fewer are chance
   int max_group_neighbors = 10;  // covisible keyframes whose scores a candidate gathers
-  int max_results = 20;
+  int max_results = 20;          // of a query that does not say how many
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("min_common_words", min_common_words, Range(0, 1e6), "words");
+    v("max_group_neighbors", max_group_neighbors, Range(0, 1e6), "keyframes");
+    v("max_results", max_results, Range(1, 200), "keyframes");
+  }
 };
 
 // A connected-frame candidate: the best keyframe of its covisible group.

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "libs/base/options.h"
 #include "libs/retrieval/binary_kmeans.h"
 
 namespace mapmend {
@@ -64,19 +65,12 @@ VocabularyTree GrowTree(std::vector<Descriptor> descriptors, const VocabularyTra
 
 }  // namespace
 
-void VocabularyTrainerOptions::Check() const {
-  const auto require = [](bool good, const char* what) {
-    if (!good) throw std::invalid_argument(std::string("vocabulary training: ") + what);
-  };
-  require(branching_factor >= 2 && branching_factor <= 255, "branching_factor must lie in [2, 255]");
-  require(num_levels >= 1 && num_levels <= 10, "num_levels must lie in [1, 10]");
-  require(min_descriptors >= 2, "min_descriptors must be at least 2");
-  require(max_iterations >= 1, "max_iterations must be at least 1");
-}
+std::string VocabularyTrainerOptions::Check() const { return CheckOptions(*this); }
 
 Vocabulary TrainVocabulary(const std::vector<std::vector<Descriptor>>& images, const VocabularyTrainerOptions& options,
                            const std::function<void(double)>& progress) {
-  options.Check();
+  if (const std::string error = options.Check(); !error.empty())
+    throw std::invalid_argument("vocabulary training: " + error);
   std::vector<Descriptor> all;
   for (const auto& image : images) all.insert(all.end(), image.begin(), image.end());
   const bool differ = std::any_of(all.begin(), all.end(), [&](const Descriptor& d) { return d != all.front(); });

@@ -2,8 +2,10 @@
 
 #include <cstdint>
 #include <functional>
+#include <string>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/retrieval/vocabulary.h"
 
 namespace mapmend {
@@ -15,8 +17,16 @@ struct VocabularyTrainerOptions {
   int max_iterations = 11;    // of each clustering
   uint64_t seed = 1;
 
-  // Throws std::invalid_argument naming the option.
-  void Check() const;
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("branching_factor", branching_factor, Range(2, 255));
+    v("num_levels", num_levels, Range(1, 10));
+    v("min_descriptors", min_descriptors, Range(2, 1e9));
+    v("max_iterations", max_iterations, Range(1, 10000));
+    v("seed", seed);
+  }
+  // Empty, or one line that names the first option that is wrong.
+  std::string Check() const;
 };
 
 // Trains a vocabulary from the descriptors of many images: hierarchical k-majority clustering, then the idf of each

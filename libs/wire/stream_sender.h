@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 
+#include "libs/base/range.h"
 #include "libs/bus/bus.h"
 #include "libs/stream/records.h"
 
@@ -18,6 +19,18 @@ struct StreamSenderOptions {
   int64_t max_queue_bytes = 256 << 20;   // waiting for a slow disk; beyond it the oldest are given up
   int64_t max_memory_bytes = 512 << 20;  // of the outbox while the disk is full
   std::string outbox_path;               // file that holds what is not acknowledged; empty: memory only
+
+  // Not visited: outbox_path: of one flight.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("window", window, Range(1, 1e6), "records");
+    v("window_bytes", window_bytes, Range(1, 1e12), "bytes");
+    v("resend_unasked_ms", resend_unasked_ms, Range(1, 3.6e6), "ms");
+    v("heartbeat_ms", heartbeat_ms, Range(1, 3.6e6), "ms");
+    v("sync_ms", sync_ms, Range(0, 3.6e6), "ms");
+    v("max_queue_bytes", max_queue_bytes, Range(1, 1e12), "bytes");
+    v("max_memory_bytes", max_memory_bytes, Range(1, 1e12), "bytes");
+  }
 };
 
 // The frontend's end of the reliable stream: numbers records, keeps them until the store has committed them, sends

@@ -38,6 +38,7 @@ struct FrontendOptions {
   bool mapping_thread = false;     // keyframes join the map while tracking goes on: fast, but the map depends on timing
   int max_unmapped_keyframes = 2;  // with mapping_thread: when more are not finished, tracking waits
 
+  // Not visited: mapping_thread: follows from how images come.
   template <typename Visitor>
   void Visit(Visitor& v) {
     v("starter", starter);
@@ -47,12 +48,11 @@ struct FrontendOptions {
     v("keyframes", keyframes);
     v("diagnosis", diagnosis);
     v("publishing", publishing);
-    v("wide", wide);
-    v("max_lost_frames", max_lost_frames, Range(1, 1000));
-    v("relocalisation_frames", relocalisation_frames, Range(0, 100000));
-    v("jump_found_share", jump_found_share, Range(0, 1));
-    v("confirm_frames", confirm_frames, Range(0, 1000));
-    v("max_unmapped_keyframes", max_unmapped_keyframes, Range(1, 1000));
+    v("max_lost_frames", max_lost_frames, Range(1, 100000), "frames");
+    v("relocalisation_frames", relocalisation_frames, Range(0, 100000), "frames");
+    v("jump_found_share", jump_found_share, Range(0, 10), "of the points in view");
+    v("confirm_frames", confirm_frames, Range(0, 10000), "frames");
+    v("max_unmapped_keyframes", max_unmapped_keyframes, Range(0, 10000), "keyframes");
   }
 };
 

@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/geometry/camera.h"
+#include "libs/geometry/chi_square.h"
 #include "libs/stream/records.h"
 #include "procs/frontend/frame.h"
 #include "procs/frontend/loss_reason.h"
@@ -21,10 +23,24 @@ struct InitializerOptions {
   double ambiguity_ratio =
       0.8;  // a second, different motion that explains this share of the best one's matches is a rival
   double max_misfit_ratio =
-      0.67;                   // the best one's squared errors must be below this share of each rival's, else: ambiguous
-  double max_sigma = 2.4477;  // reprojection error of an inlier, in sigma of its octave
-  double min_retry_s = 0.1;   // time between frames that are tried, once one was refused for want of parallax
+      0.67;  // the best one's squared errors must be below this share of each rival's, else: ambiguous
+  double max_sigma = kChi2Dof95;  // reprojection error of an inlier, in sigma of its octave
+  double min_retry_s = 0.1;       // time between frames that are tried, once one was refused for want of parallax
   uint64_t seed = 1;
+
+  // Not visited: seed: that of the whole program.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("max_buffered_frames", max_buffered_frames, Range(2, 1e6), "frames");
+    v("min_matches", min_matches, Range(8, 100000));
+    v("min_points", min_points, Range(8, 100000), "points");
+    v("min_median_angle_deg", min_median_angle_deg, Range(0, 90), "degrees");
+    v("min_motion", min_motion, Range(0, 1), "of the image width");
+    v("ambiguity_ratio", ambiguity_ratio, Range(0, 1), "of the matches");
+    v("max_misfit_ratio", max_misfit_ratio, Range(0, 1));
+    v("max_sigma", max_sigma, MoreThan(0), "sigma");
+    v("min_retry_s", min_retry_s, AtLeast(0), "s");
+  }
 };
 
 struct InitialPoint {

@@ -5,6 +5,7 @@
 #include <iterator>
 #include <set>
 
+#include "libs/geometry/chi_square.h"
 #include "libs/geometry/triangulation.h"
 #include "libs/optim/bundle_adjustment.h"
 #include "libs/optim/pose_optimization.h"
@@ -12,6 +13,9 @@
 
 namespace mapmend {
 namespace {
+
+constexpr double kMinDepth = 1e-3;       // nearer than that a projection says nothing; the submap's first depth is 1
+constexpr int kBeyondAnyDistance = 257;  // bits; descriptors have 256
 
 bool InImage(const Pinhole& camera, const Eigen::Vector2d& pixel) {
   return pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < camera.width && pixel.y() < camera.height;
@@ -60,10 +64,10 @@ void LocalMapper::FuseNeighbourhood(int keyframe, const std::vector<int>& neighb
   std::vector<int> targets = neighbours;
   std::set<int> seen(neighbours.begin(), neighbours.end());
   seen.insert(keyframe);
-  for (size_t i = 0; i < std::min<size_t>(5, neighbours.size()); ++i) {
+  for (size_t i = 0; i < std::min<size_t>(options_.num_expanded, neighbours.size()); ++i) {
     int added = 0;
-    for (const Covisible& c : map->CovisibleKeyframes(neighbours[i], 2 * options_.min_covisible)) {
-      if (added >= 5) break;
+    for (const Covisible& c : map->CovisibleKeyframes(neighbours[i], options_.expanded_min_covisible)) {
+      if (added >= options_.expanded_neighbours) break;
       if (seen.insert(c.keyframe).second) targets.push_back(c.keyframe), ++added;
     }
   }
@@ -82,9 +86,10 @@ void LocalMapper::CullRecentPoints(int keyframe, WorkingMap* map) const {
     const WorkingPoint& point = map->Points()[i];
     if (point.removed) continue;
     const int age = keyframe - point.first_keyframe;
-    if (age > 3 || age < 1) continue;
-    const bool rarely_found = point.found < 0.25 * point.visible;
-    const bool not_confirmed = age >= 3 && point.observations.size() <= 2;
+    if (age > options_.probation_keyframes || age < 1) continue;
+    const bool rarely_found = point.found < options_.min_found_share * point.visible;
+    const bool not_confirmed =
+        age >= options_.probation_keyframes && static_cast<int>(point.observations.size()) < options_.min_observations;
     if (rarely_found || not_confirmed) map->RemovePoint(static_cast<int>(i));
   }
 }
@@ -123,13 +128,14 @@ void LocalMapper::Triangulate(int keyframe, const std::vector<int>& neighbours, 
   for (const int p : frame.points) {
     if (p >= 0) depths.push_back((frame.cam_from_submap * map->Point(p).position).z());
   }
-  if (depths.size() < 10) return;
+  if (static_cast<int>(depths.size()) < options_.min_depths) return;
   std::sort(depths.begin(), depths.end());
-  const double near = 0.5 * depths[depths.size() / 20], far = 2.5 * depths[depths.size() * 19 / 20];
+  const double near = options_.nearest_depth * depths[depths.size() / 20],
+               far = options_.farthest_depth * depths[depths.size() * 19 / 20];
   for (const int neighbour : neighbours) {
     const double baseline =
         (map->Keyframe(neighbour).frame->cam_from_submap.Center() - frame.cam_from_submap.Center()).norm();
-    if (baseline < 0.01 * depths[depths.size() / 2]) continue;
+    if (baseline < options_.min_baseline * depths[depths.size() / 2]) continue;
     TriangulateWith(keyframe, neighbour, near, far, map);
     GiveWay(lock);
   }
@@ -141,8 +147,8 @@ int LocalMapper::TriangulateWith(int keyframe, int neighbour, double near, doubl
   const Rigid3 b_from_a = b.cam_from_submap * a.cam_from_submap.Inverse();
   const Eigen::Matrix3d R = b_from_a.rotation.toRotationMatrix();
   const double max_cosine = std::cos(options_.min_angle_deg * M_PI / 180);
-  std::vector<double> limits;  // from the epipolar line, pixels, per octave: 95 %
-  for (int octave = 0; octave < pyramid_.num_levels; ++octave) limits.push_back(1.96 * pyramid_.Sigma(octave));
+  std::vector<double> limits;  // from the epipolar line, pixels, per octave
+  for (int octave = 0; octave < pyramid_.num_levels; ++octave) limits.push_back(kChi1Dof95 * pyramid_.Sigma(octave));
   struct Candidate {
     int distance = -1, feature = -1;
     Eigen::Vector3d position;
@@ -154,10 +160,12 @@ int LocalMapper::TriangulateWith(int keyframe, int neighbour, double near, doubl
     const Eigen::Vector3d ray = camera_.Unproject(keypoint.pixel.cast<double>());
     const Eigen::Vector3d rotated = R * ray;
     const Eigen::Vector3d x0 = near * rotated + b_from_a.translation, x1 = far * rotated + b_from_a.translation;
-    if (x0.z() <= 1e-3 || x1.z() <= 1e-3) continue;
+    if (x0.z() <= kMinDepth || x1.z() <= kMinDepth) continue;
     const Eigen::Vector2d p0 = camera_.Project(x0), p1 = camera_.Project(x1);
-    if (!p0.allFinite() || !p1.allFinite() || (p1 - p0).cwiseAbs().maxCoeff() > 2 * camera_.width) continue;
-    int best = -1, best_distance = options_.max_distance + 1, second = 257;
+    if (!p0.allFinite() || !p1.allFinite() ||
+        (p1 - p0).cwiseAbs().maxCoeff() > options_.max_search_length * camera_.width)
+      continue;
+    int best = -1, best_distance = options_.max_distance + 1, second = kBeyondAnyDistance;
     const SegmentTest epipolar(p0, p1);
     b.grid.VisitAlong(p0.cast<float>(), p1.cast<float>(), static_cast<float>(limits.back()), [&](int j) {
       if (b.points[j] >= 0) return;
@@ -186,8 +194,7 @@ int LocalMapper::TriangulateWith(int keyframe, int neighbour, double near, doubl
     // The patch sizes must agree with the distances.
     const double by_distance = (b_from_a * *x).norm() / x->norm();
     const double by_octave = pyramid_.Scale(keypoint.octave) / pyramid_.Scale(other.octave);
-    constexpr double kScaleSlack = 1.8;
-    if (by_distance > by_octave * kScaleSlack || by_distance * kScaleSlack < by_octave) continue;
+    if (by_distance > by_octave * options_.scale_slack || by_distance * options_.scale_slack < by_octave) continue;
     Candidate& claim = claimed[best];
     if (claim.feature < 0 || best_distance < claim.distance) claim = {best_distance, i, *x};
   }
@@ -223,19 +230,19 @@ int LocalMapper::FuseInto(int keyframe, const std::vector<int>& points, double r
     if (!InImage(camera_, pixel)) continue;
     const Eigen::Vector3d to_camera = center - point.position;
     const double distance = to_camera.norm();
-    if (to_camera.dot(point.normal) < 0.5 * distance) continue;
+    if (to_camera.dot(point.normal) < options_.min_view_cos * distance) continue;
     const int octave = map->PredictOctave(point, distance);
     GuidedSearch search;
     search.radius = static_cast<float>(radius_px * pyramid_.Scale(octave));
-    search.min_octave = octave - 1;
-    search.max_octave = octave + 1;
+    search.min_octave = octave - options_.octave_tolerance;
+    search.max_octave = octave + options_.octave_tolerance;
     search.max_distance = options_.max_distance;
-    search.ratio = 1.0;
+    search.ratio = 1.0;  // no second best: the window is small, and two points at one place are what is looked for
     const Match match = FindNear(frame.features, frame.grid, pixel.cast<float>(), point.descriptor, search, kNoneUsed);
     if (match.b < 0) continue;
     const Keypoint& keypoint = frame.features.keypoints[match.b];
     if (ReprojectionChi2(camera_, frame.cam_from_submap, point.position, keypoint.pixel.cast<double>(),
-                         pyramid_.Sigma(keypoint.octave)) > 2 * options_.outlier_chi2) {
+                         pyramid_.Sigma(keypoint.octave)) > options_.fuse_chi2_factor * options_.outlier_chi2) {
       continue;
     }
     const int existing = frame.points[match.b];
@@ -278,9 +285,11 @@ void LocalMapper::FuseWithOverlapping(int keyframe, const std::vector<int>& neig
     const Rigid3& other = map->Keyframe(k).frame->cam_from_submap;
     const Eigen::Vector3d x = other * looked_at;
     const Eigen::Vector3d other_axis = other.rotation.conjugate() * Eigen::Vector3d::UnitZ();
-    if (x.z() < 0.3 * depth || x.z() > 3 * depth || other_axis.dot(axis) < 0.7) continue;
+    if (x.z() < options_.overlap_min_depth * depth || x.z() > options_.overlap_max_depth * depth ||
+        other_axis.dot(axis) < options_.overlap_min_axis_cos)
+      continue;
     const double offset = (camera_.Project(x) - Eigen::Vector2d(camera_.cx, camera_.cy)).norm();
-    if (offset < 0.6 * camera_.width) candidates.push_back({offset, k});
+    if (offset < options_.overlap_max_offset * camera_.width) candidates.push_back({offset, k});
   }
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const Overlapping& a, const Overlapping& b) { return a.offset < b.offset; });
@@ -292,7 +301,7 @@ void LocalMapper::FuseWithOverlapping(int keyframe, const std::vector<int>& neig
   const std::vector<int> theirs = map->PointsOf(overlapping), own = map->PointsOf(keyframe);
   std::vector<int> points;
   std::set_difference(theirs.begin(), theirs.end(), own.begin(), own.end(), std::back_inserter(points));
-  if (points.size() < 30) return;
+  if (static_cast<int>(points.size()) < options_.overlap_min_points) return;
   struct Pair {
     int point, feature;
   };
@@ -308,21 +317,20 @@ void LocalMapper::FuseWithOverlapping(int keyframe, const std::vector<int>& neig
     const int octave = map->PredictOctave(point, (center - point.position).norm());
     GuidedSearch search;
     search.radius = static_cast<float>(options_.overlap_radius * camera_.width);
-    search.min_octave = octave - 1;
-    search.max_octave = octave + 1;
+    search.min_octave = octave - options_.octave_tolerance;
+    search.max_octave = octave + options_.octave_tolerance;
     search.max_distance = options_.max_distance;
-    search.ratio = 0.8;
+    search.ratio = options_.overlap_ratio;
     const Match match = FindNear(frame.features, frame.grid, pixel.cast<float>(), point.descriptor, search, kNoneUsed);
     if (match.b < 0) continue;
     const Keypoint& keypoint = frame.features.keypoints[match.b];
     pairs.push_back({index, match.b});
     observations.push_back({point.position, keypoint.pixel.cast<double>(), pyramid_.Sigma(keypoint.octave)});
   }
-  constexpr int kMinAgreeing = 25;
-  if (static_cast<int>(observations.size()) < kMinAgreeing) return;
-  const PoseOptimizationResult agreed = OptimizePose(camera_, frame.cam_from_submap, observations, {});
-  if (!agreed.success || agreed.num_inliers < kMinAgreeing ||
-      agreed.num_inliers * 5 < static_cast<int>(pairs.size()) * 2) {
+  if (static_cast<int>(observations.size()) < options_.overlap_min_agreeing) return;
+  const PoseOptimizationResult agreed = OptimizePose(camera_, frame.cam_from_submap, observations, options_.pose);
+  if (!agreed.success || agreed.num_inliers < options_.overlap_min_agreeing ||
+      agreed.num_inliers < options_.overlap_agreeing_share * static_cast<double>(pairs.size())) {
     return;
   }
   for (size_t i = 0; i < pairs.size(); ++i) {
@@ -372,7 +380,7 @@ void LocalMapper::AdjustAll(WorkingMap* map) {
   for (int k = 0; k <= map->LastKeyframe(); ++k) {
     (fixed.empty() ? fixed : free).push_back(k);
   }
-  Adjust(free, fixed, 20, map, nullptr);
+  Adjust(free, fixed, options_.final_iterations, map, nullptr);
 }
 
 void LocalMapper::Adjust(const std::vector<int>& free_keyframes, const std::vector<int>& fixed_keyframes,

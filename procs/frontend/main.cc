@@ -3,14 +3,14 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
-#include <exception>
-#include <iostream>
-
 #include "libs/command_line/command_line.h"
+#include "libs/command_line/option_flags.h"
 #include "libs/image_messages/image_log.h"
 #include "procs/frontend/run_options.h"
 
-int main(int argc, char** argv) {
+namespace {
+
+int Run(int argc, char** argv) {
   mapmend::RunOptions options;
   CLI::App app("frontend: tracks one camera and publishes keyframes, map updates and loss events.", "frontend");
   mapmend::AddProcessOptions(&app, &options.process);
@@ -84,7 +84,9 @@ int main(int argc, char** argv) {
                  "0: none")
       ->check(CLI::Range(0, 100))
       ->capture_default_str();
+  mapmend::AddOptionFlags(&app, "frontend", &options);
   if (const auto code = mapmend::ParseCommandLine(&app, argc, argv)) return *code;
+  mapmend::RequireGoodOptions(mapmend::OptionList::Of(options));
   options.mode = live       ? mapmend::InputMode::kLive
                  : realtime ? mapmend::InputMode::kRealtime
                             : mapmend::InputMode::kLockstep;
@@ -95,11 +97,10 @@ int main(int argc, char** argv) {
     constexpr int kNicer = 3;
     if (nice(kNicer) < 0) spdlog::debug("frontend: cannot lower its priority");
   }
-  try {
-    options.inputs = mapmend::ExpandLogs(options.inputs);
-    return mapmend::RunFrontend(options);
-  } catch (const std::exception& e) {
-    std::cerr << "frontend: " << e.what() << "\n";
-    return 1;
-  }
+  options.inputs = mapmend::ExpandLogs(options.inputs);
+  return mapmend::RunFrontend(options);
 }
+
+}  // namespace
+
+int main(int argc, char** argv) { return mapmend::RunMain("frontend", Run, argc, argv); }

@@ -148,10 +148,10 @@ Camera ScaledToFit(const Camera& camera, int max_dimension) {
 }
 
 OrbOptions OrbFor(const RunOptions& options, const Camera& camera) {
-  OrbOptions orb;
+  OrbOptions orb = options.orb;
   orb.num_features = options.num_features;
   if (orb.num_features == 0) orb.num_features = camera.width * camera.height <= 1000000 ? 1000 : 2000;
-  orb.Check();
+  if (const std::string error = orb.Check(); !error.empty()) throw std::runtime_error(error);
   return orb;
 }
 
@@ -173,7 +173,7 @@ FrontendOptions FrontendOptionsFor(const RunOptions& options) {
 }
 
 StreamSenderOptions SenderOptionsFor(const RunOptions& options) {
-  StreamSenderOptions sender;
+  StreamSenderOptions sender = options.sender;
   sender.outbox_path = options.outbox_path;
   return sender;
 }

@@ -1,13 +1,47 @@
 #include "procs/frontend/run_options.h"
 
 #include <cmath>
+#include <iterator>
 #include <nlohmann/json.hpp>
 
+#include "libs/base/options.h"
 #include "libs/base/write_file.h"
 #include "libs/capture/fingerprint.h"
 #include "libs/stream/session_id.h"
 
 namespace mapmend {
+
+namespace {
+
+// Told by ToJson whether they differ from their defaults or not, or by a name of their own.
+constexpr const char* kToldApart[] = {"num_features",
+                                      "max_dimension",
+                                      "seed",
+                                      "skip_frames",
+                                      "every",
+                                      "start_s",
+                                      "end_s",
+                                      "max_lost_frames",
+                                      "relocalisation_frames",
+                                      "keyframes.min_shared",
+                                      "wide.num_keyframes",
+                                      "tracker.min_inliers",
+                                      "mapper.bundle_keyframes"};
+
+nlohmann::json OtherChanges(RunOptions options) {
+  RunOptions defaults;
+  nlohmann::json changes = nlohmann::json::parse(ChangesToJson(OptionList::Of(options), OptionList::Of(defaults)));
+  for (const char* told : kToldApart) changes.erase(told);
+  for (auto it = changes.begin(); it != changes.end();)
+    it = ChangesStream(it.key()) ? std::next(it) : changes.erase(it);
+  return changes;
+}
+
+}  // namespace
+
+bool ChangesStream(const std::string& option) {
+  return option != "deliver_timeout_s" && !option.starts_with("sender.");
+}
 
 std::string ToJson(const RunOptions& options) {
   const FrontendOptions& f = options.frontend;
@@ -34,6 +68,7 @@ std::string ToJson(const RunOptions& options) {
     json["continues"] = options.continues;
     json["first_frame"] = options.first_frame;
   }
+  if (const nlohmann::json changes = OtherChanges(options); !changes.empty()) json["options"] = changes;
   return json.dump();
 }
 

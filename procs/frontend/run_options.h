@@ -6,6 +6,8 @@
 
 #include "libs/bus/channels.h"
 #include "libs/bus/process.h"
+#include "libs/features/orb_extractor.h"
+#include "libs/wire/stream_sender.h"
 #include "procs/frontend/frontend.h"
 
 namespace mapmend {
@@ -13,6 +15,15 @@ namespace mapmend {
 // How images come: all of a file, one after the other (lockstep: the result does not depend on timing); a file at the
 // pace of its times; a camera on the bus. In the last two, images that come while the frontend is busy are dropped.
 enum class InputMode { kLockstep, kRealtime, kLive };
+
+// OrbOptions as a group without the number of features.
+struct OrbCorners {
+  OrbOptions* orb;
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    orb->VisitCorners(v);
+  }
+};
 
 // The frontend's command line.
 struct RunOptions {
@@ -43,9 +54,39 @@ struct RunOptions {
   std::string continues;  // an ended session of the same flight, whose frames before first_frame are in the map
   int first_frame = 0;    // of a file: those before are passed over
   FrontendOptions frontend;
+  OrbOptions orb;              // but for num_features, which is told above
+  StreamSenderOptions sender;  // but for outbox_path
+
+  // What may change the stream first, then how it is delivered. Not visited: process, inputs, camera_path, times_path,
+  // vocabulary_path, session, outbox_path, vehicle, mask_path, events_path, local_url, profile_path, mode, source,
+  // image_channel, resume, continues, first_frame: they say which flight it is, and where everything lies.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    frontend.Visit(v);
+    OrbCorners corners{&orb};
+    v("orb", corners);
+    v("num_features", num_features, Range(0, 100000), "per image; 0: 1000 up to one megapixel, 2000 above");
+    v("max_dimension", max_dimension, Range(0, 100000), "pixels; 0: images as they are");
+    v("seed", seed);
+    v("skip_frames", skip_frames);
+    v("every", every, Range(1, 100000), "frames");
+    v("start_s", start_s, AtLeast(0), "s");
+    v("end_s", end_s, AtLeast(0), "s");
+    v("speed", speed, Range(0.001, 1e6), "times real time");
+    v("max_waiting", max_waiting, Range(1, 1000), "frames");
+    v("sender", sender);
+    v("deliver_timeout_s", deliver_timeout_s, Range(0, 1e6), "s");
+  }
+  // Empty, or which options contradict each other.
+  std::string Conflict() const { return orb.Conflict(); }
 };
 
-// Every option as JSON, for the record in the session's first message.
+// Whether an option of RunOptions may change the stream; the others only concern its delivery.
+bool ChangesStream(const std::string& option);
+
+// Every option that may change the stream as JSON, for the record in the session's first message: a few by names of
+// their own, all others under "options" where they differ from their defaults, which are those of the program's
+// version.
 std::string ToJson(const RunOptions& options);
 
 // A session's name for a file: the same content, options and seed give the same UUID, so that a run can be repeated bit

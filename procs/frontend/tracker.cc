@@ -11,9 +11,8 @@
 namespace mapmend {
 namespace {
 
-constexpr double kMaxViewAngleCos =
-    0.5;  // a point seen from more than 60 degrees off its usual direction looks different
-constexpr int kSpreadColumns = 8, kSpreadRows = 6;
+constexpr int kBeyondAnyDistance = 257;             // bits; descriptors have 256
+constexpr int kSpreadColumns = 8, kSpreadRows = 6;  // of the cells that min_spread counts
 
 double Spread(const Frame& frame, const Pinhole& camera) {
   std::set<int> cells;
@@ -42,7 +41,7 @@ std::vector<int> Tracker::VisiblePoints(const WorkingMap& map, const std::vector
     const Eigen::Vector2d pixel = camera_.Project(x);
     if (pixel.x() < 0 || pixel.y() < 0 || pixel.x() >= camera_.width || pixel.y() >= camera_.height) continue;
     const Eigen::Vector3d to_camera = center - point.position;
-    if (to_camera.dot(point.normal) >= kMaxViewAngleCos * to_camera.norm()) visible.push_back(index);
+    if (to_camera.dot(point.normal) >= options_.min_view_cos * to_camera.norm()) visible.push_back(index);
   }
   return visible;
 }
@@ -57,7 +56,7 @@ int Tracker::SearchPoints(const WorkingMap& map, const std::vector<int>& points,
   const Eigen::Matrix3d R = pose.rotation.toRotationMatrix();
   const Eigen::Vector3d center = pose.Center();
   // Two points may claim one feature: the nearer descriptor keeps it.
-  std::vector<int> claimed_distance(frame->points.size(), 257);
+  std::vector<int> claimed_distance(frame->points.size(), kBeyondAnyDistance);
   std::vector<int> claimed(frame->points.size(), -1);
   for (const int index : points) {
     const WorkingPoint& point = map.Point(index);
@@ -68,14 +67,14 @@ int Tracker::SearchPoints(const WorkingMap& map, const std::vector<int>& points,
     if (pixel.x() < 0 || pixel.y() < 0 || pixel.x() >= camera_.width || pixel.y() >= camera_.height) continue;
     const Eigen::Vector3d to_camera = center - point.position;
     const double distance = to_camera.norm();
-    if (to_camera.dot(point.normal) < kMaxViewAngleCos * distance) continue;
+    if (to_camera.dot(point.normal) < options_.min_view_cos * distance) continue;
     const int octave = map.PredictOctave(point, distance);
     GuidedSearch search;
     search.radius = static_cast<float>(radius_px * (scale_radius ? pyramid_.Scale(octave) : 1.0));
-    search.min_octave = octave - 2;
-    search.max_octave = octave + 1;
+    search.min_octave = octave - options_.octaves_below;
+    search.max_octave = octave + options_.octaves_above;
     search.max_distance = max_distance;
-    search.ratio = scale_radius ? 0.85 : 0.9;
+    search.ratio = scale_radius ? options_.local_ratio : options_.motion_ratio;
     const Match match = FindNear(frame->features, frame->grid, pixel.cast<float>(), point.descriptor, search, used);
     if (match.b < 0 || match.distance >= claimed_distance[match.b]) continue;
     claimed_distance[match.b] = match.distance;
@@ -103,7 +102,7 @@ std::vector<PoseObservation> Tracker::Observations(const WorkingMap& map, const 
 }
 
 bool Tracker::Optimize(const WorkingMap& map, const Rigid3& initial, Frame* frame, int* num_inliers) const {
-  const PoseOptimizationResult result = OptimizePose(camera_, initial, Observations(map, *frame), {});
+  const PoseOptimizationResult result = OptimizePose(camera_, initial, Observations(map, *frame), options_.pose);
   *num_inliers = result.success ? result.num_inliers : 0;
   if (!result.success) return false;
   size_t i = 0;
@@ -121,9 +120,8 @@ bool Tracker::MatchKeyframe(const WorkingMap& map, int keyframe, Frame* frame) c
     if (reference.points[i] >= 0) with_point.push_back(static_cast<int>(i));
   }
   if (static_cast<int>(with_point.size()) < options_.min_motion_matches) return false;
-  MatchOptions match_options;
-  match_options.ratio = 0.85;
-  const std::vector<Match> matches = MatchBruteForce(reference.features, frame->features, match_options, with_point);
+  const std::vector<Match> matches =
+      MatchBruteForce(reference.features, frame->features, options_.matching, with_point);
   if (static_cast<int>(matches.size()) < options_.min_motion_matches) return false;
   std::vector<Eigen::Vector3d> points;
   std::vector<Eigen::Vector2d> pixels;
@@ -133,16 +131,17 @@ bool Tracker::MatchKeyframe(const WorkingMap& map, int keyframe, Frame* frame) c
     pixels.push_back(frame->features.keypoints[m.b].pixel.cast<double>());
     sigmas.push_back(pyramid_.Sigma(frame->features.keypoints[m.b].octave));
   }
-  PnpOptions pnp_options;
+  PnpOptions pnp_options = options_.pnp;
   pnp_options.seed = options_.seed;
   const PnpResult pnp = SolvePnpRansac(camera_, points, pixels, sigmas, pnp_options);
-  if (!pnp.success || pnp.num_inliers < options_.min_motion_matches * 3 / 4) return false;
+  const double min_inliers = options_.min_descriptor_share * options_.min_motion_matches;
+  if (!pnp.success || pnp.num_inliers < min_inliers) return false;
   std::fill(frame->points.begin(), frame->points.end(), -1);
   for (size_t i = 0; i < matches.size(); ++i) {
     if (pnp.inlier[i]) frame->points[matches[i].b] = reference.points[matches[i].a];
   }
   int num_inliers = 0;
-  return Optimize(map, pnp.cam_from_world, frame, &num_inliers) && num_inliers >= options_.min_motion_matches * 3 / 4;
+  return Optimize(map, pnp.cam_from_world, frame, &num_inliers) && num_inliers >= min_inliers;
 }
 
 std::vector<int> Tracker::LocalKeyframes(const WorkingMap& map, const std::vector<int>& seeds,
@@ -160,10 +159,10 @@ std::vector<int> Tracker::LocalKeyframes(const WorkingMap& map, const std::vecto
   if (order.empty()) order = seeds;
   std::vector<int> local(order.begin(), order.begin() + std::min<size_t>(order.size(), options_.max_local_keyframes));
   std::set<int> chosen(local.begin(), local.end());
-  for (size_t i = 0; i < std::min<size_t>(3, order.size()); ++i) {
+  for (size_t i = 0; i < std::min<size_t>(options_.num_expanded, order.size()); ++i) {
     int added = 0;
-    for (const Covisible& c : map.CovisibleKeyframes(order[i], 15)) {
-      if (static_cast<int>(local.size()) >= options_.max_local_keyframes || added >= 8) break;
+    for (const Covisible& c : map.CovisibleKeyframes(order[i], options_.min_shared_points)) {
+      if (static_cast<int>(local.size()) >= options_.max_local_keyframes || added >= options_.max_neighbours) break;
       if (chosen.insert(c.keyframe).second) local.push_back(c.keyframe), ++added;
     }
   }
@@ -179,13 +178,13 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
   if (prediction) {
     const StageTimer timer("track/motion");
     const std::vector<int> points = map->PointsOf(LocalKeyframes(*map, hints, *frame));
-    for (const double factor : {1.0, 3.0}) {
+    for (const double factor : {1.0, options_.wide_factor}) {
       std::fill(frame->points.begin(), frame->points.end(), -1);
-      const int count =
-          SearchPoints(*map, points, *prediction, factor * options_.motion_radius * camera_.width, false, 64, frame);
+      const int count = SearchPoints(*map, points, *prediction, factor * options_.motion_radius * camera_.width, false,
+                                     options_.motion_max_distance, frame);
       int inliers = 0;
       if (count >= options_.min_motion_matches && Optimize(*map, *prediction, frame, &inliers) &&
-          inliers >= options_.min_motion_matches && inliers * 4 >= count) {
+          inliers >= options_.min_motion_matches && inliers >= options_.min_motion_share * count) {
         found = true;
         result.method = factor == 1.0 ? TrackMethod::kMotion : TrackMethod::kWide;
         break;
@@ -210,14 +209,16 @@ TrackResult Tracker::Track(const std::optional<Rigid3>& prediction, const std::v
   std::vector<int> points;
   for (int round = 0; round < 2; ++round) {
     points = map->PointsOf(LocalKeyframes(*map, hints, *frame));
-    SearchPoints(*map, points, frame->cam_from_submap, options_.local_radius_px, true, 80, frame);
+    SearchPoints(*map, points, frame->cam_from_submap, options_.local_radius_px, true, options_.local_max_distance,
+                 frame);
     if (!Optimize(*map, frame->cam_from_submap, frame, &result.num_inliers)) break;
   }
   result.spread = Spread(*frame, camera_);
   const std::vector<int> visible = VisiblePoints(*map, points, frame->cam_from_submap);
   result.num_visible = static_cast<int>(visible.size());
   const bool is_enough = result.num_inliers >= options_.min_inliers && result.spread >= options_.min_spread;
-  const double max_sigma = options_.max_position_sigma * (result.method == TrackMethod::kDescriptors ? 1 : 2);
+  const bool is_predicted = result.method != TrackMethod::kDescriptors;
+  const double max_sigma = options_.max_position_sigma * (is_predicted ? options_.predicted_sigma_factor : 1);
   // A wrong pose finds the few points that made it, and none of the others that should be in view; or those that it
   // finds would as well be seen from elsewhere.
   if (is_enough)

@@ -4,7 +4,10 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
+#include "libs/features/matching.h"
 #include "libs/geometry/camera.h"
+#include "libs/geometry/pnp.h"
 #include "libs/optim/pose_optimization.h"
 #include "procs/frontend/loss_reason.h"
 #include "procs/frontend/working_map.h"
@@ -25,7 +28,61 @@ struct TrackerOptions {
   // standard deviation of its position, of the median depth.
   double min_spread_afterwards = 0.2;
   double max_position_sigma_afterwards = 0.008;
+  double min_view_cos = 0.5;  // a point seen from more than 60 degrees off its usual direction looks different
+  // Octaves about the one that the distance predicts.
+  int octaves_below = 2, octaves_above = 1;
+  // The search around the prediction. Its window is wide and holds many features: only clear matches count.
+  double wide_factor = 3;        // of motion_radius, for a second search if too few were found in the first
+  int motion_max_distance = 64;  // bits
+  double motion_ratio = 0.9;
+  double min_motion_share = 0.25;  // of the matches, that must be inliers: less are found by chance
+  // The search in the local map. Its window is small: descriptors that have changed may match.
+  int local_max_distance = 80;  // bits
+  double local_ratio = 0.85;
+  // Without prediction, or where that failed: descriptors of a keyframe against those of the frame, whatever lies
+  // where.
+  MatchOptions matching = {.ratio = 0.85};
+  PnpOptions pnp;
+  double min_descriptor_share = 0.75;  // inliers, of min_motion_matches: PnP has left out the wrong ones
+  // Of the local map: neighbours of the keyframes that share most points with the frame.
+  int num_expanded = 3;               // of those keyframes
+  int max_neighbours = 8;             // of each of them
+  int min_shared_points = 15;         // with it
+  double predicted_sigma_factor = 2;  // of max_position_sigma, where the motion model has predicted the pose
+  PoseOptimizationOptions pose;
   uint64_t seed = 1;
+
+  // Not visited: seed: that of the whole program.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("min_inliers", min_inliers, Range(3, 100000), "points");
+    v("min_spread", min_spread, Range(0, 1), "of the image's cells");
+    v("min_found_share", min_found_share, Range(0, 1), "of the points in view");
+    v("max_position_sigma", max_position_sigma, MoreThan(0), "of the median depth");
+    v("motion_radius", motion_radius, Range(0, 1), "of the image width");
+    v("min_motion_matches", min_motion_matches, Range(4, 100000));
+    v("local_radius_px", local_radius_px, MoreThan(0), "pixels at octave 0");
+    v("max_local_keyframes", max_local_keyframes, Range(1, 10000), "keyframes");
+    v("min_view_cos", min_view_cos, Range(-1, 1), "cosine");
+    v("octaves_below", octaves_below, Range(0, 31), "octaves");
+    v("octaves_above", octaves_above, Range(0, 31), "octaves");
+    v("wide_factor", wide_factor, AtLeast(1));
+    v("motion_max_distance", motion_max_distance, Range(0, 256), "bits");
+    v("motion_ratio", motion_ratio, Range(0, 1));
+    v("min_motion_share", min_motion_share, Range(0, 1), "of the matches");
+    v("local_max_distance", local_max_distance, Range(0, 256), "bits");
+    v("local_ratio", local_ratio, Range(0, 1));
+    v("matching", matching);
+    v("pnp", pnp);
+    v("min_descriptor_share", min_descriptor_share, Range(0, 1));
+    v("num_expanded", num_expanded, Range(0, 10000), "keyframes");
+    v("max_neighbours", max_neighbours, Range(0, 10000), "keyframes");
+    v("min_shared_points", min_shared_points, Range(1, 100000), "points");
+    v("predicted_sigma_factor", predicted_sigma_factor, MoreThan(0));
+    v("pose", pose);
+    v("min_spread_afterwards", min_spread_afterwards, Range(0, 2), "of the image's cells");
+    v("max_position_sigma_afterwards", max_position_sigma_afterwards, AtLeast(0), "of the median depth");
+  }
 };
 
 struct TrackResult {

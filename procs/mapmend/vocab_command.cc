@@ -10,6 +10,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
 
+#include "libs/command_line/command_line.h"
 #include "libs/features/orb_extractor.h"
 #include "libs/retrieval/vocabulary.h"
 #include "libs/retrieval/vocabulary_trainer.h"
@@ -60,7 +61,7 @@ void PrintInfo(const Vocabulary& v) {
 }
 
 void Train(const TrainArguments& arguments) {
-  arguments.trainer.Check();
+  if (const std::string error = arguments.trainer.Check(); !error.empty()) throw UsageError(error);
   OrbOptions orb;
   orb.num_features = arguments.num_features;
   const OrbExtractor extractor(orb);
