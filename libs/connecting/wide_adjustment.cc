@@ -3,7 +3,8 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <limits>
+
+#include "libs/base/median.h"
 
 namespace mapmend {
 namespace {
@@ -244,58 +245,65 @@ double Worst(const Problem& problem, size_t track, const Place& place, const Sim
   return worst;
 }
 
+// Which tracks the transform explains, what they say about it, and how well they fit.
+void Judge(const Problem& problem, const std::vector<WideCommonTrack>& tracks, const std::vector<Place>& places,
+           double max_squared_error, WideAdjustmentResult* result) {
+  const Similarity3& t = result->b_from_a;
+  result->is_inlier.assign(tracks.size(), 0);
+  std::vector<double> errors;
+  double squares = 0, freedom = -7;
+  for (size_t i = 0; i < tracks.size(); ++i) {
+    result->points.push_back(problem.AnchorOf(i).Point(places[i].parameters));
+    result->is_inlier[i] = Worst(problem, i, places[i], t) <= max_squared_error;
+    if (!result->is_inlier[i]) continue;
+    ++result->num_inliers;
+    const TrackNormal n = MakeNormal(problem, i, places[i], t);
+    const Eigen::Matrix3d H = n.H + 1e-12 * Eigen::Matrix3d::Identity();
+    result->information += n.C - n.W.transpose() * H.inverse() * n.W;
+    const size_t num_a = tracks[i].in_a.size();
+    freedom += 2.0 * static_cast<double>(num_a + tracks[i].in_b.size()) - 3;
+    size_t k = 0;
+    problem.ForEach(i, places[i], t, false, [&](const Term* term) {
+      squares += term->error.squaredNorm();
+      if (k >= num_a) errors.push_back(tracks[i].in_b[k - num_a].sigma * term->error.norm());
+      ++k;
+    });
+  }
+  if (errors.empty() || freedom <= 0) return;
+  result->information /= std::max(1.0, squares / freedom);
+  result->median_error_px = Median(errors);
+  const Eigen::LDLT<Matrix7d> ldlt(result->information);
+  result->success = ldlt.isPositive() && ldlt.vectorD().minCoeff() > 1e-15 * ldlt.vectorD().maxCoeff();
+}
+
 }  // namespace
 
 WideAdjustmentResult AdjustWide(const std::vector<WideCommonTrack>& tracks, const std::vector<char>& use,
                                 const Similarity3& initial, const WideAdjustmentOptions& options) {
   WideAdjustmentResult result;
+  result.b_from_a = initial;
   const Problem problem(tracks, options.huber);
-  Similarity3 t = initial;
   std::vector<Place> places;
   std::vector<size_t> used;
   double cost = 0, damping = 1e-4;
   constexpr int kFitIterations = 8;
+  const auto place = [&](size_t i) {
+    Place p = InitialPlace(tracks[i], problem.AnchorOf(i), result.b_from_a);
+    FitPlace(problem, i, result.b_from_a, kFitIterations, &p);
+    return p;
+  };
   for (size_t i = 0; i < tracks.size(); ++i) {
-    places.push_back(InitialPlace(tracks[i], problem.AnchorOf(i), t));
+    places.push_back(use[i] ? place(i) : Place{Eigen::Vector3d::Zero()});
     if (!use[i]) continue;
-    FitPlace(problem, i, t, kFitIterations, &places[i]);
     used.push_back(i);
-    cost += problem.Cost(i, places[i], t);
+    cost += problem.Cost(i, places[i], result.b_from_a);
   }
-  for (int i = 0; i < options.max_iterations && Step(problem, used, &damping, &cost, &t, &places); ++i) {
+  for (int i = 0; i < options.max_iterations && Step(problem, used, &damping, &cost, &result.b_from_a, &places); ++i) {
   }
-  result.b_from_a = t;
-  result.is_inlier.assign(tracks.size(), 0);
-  std::vector<double> errors;
-  double squares = 0, freedom = -7;
   for (size_t i = 0; i < tracks.size(); ++i) {
-    if (!use[i]) {
-      places[i] = InitialPlace(tracks[i], problem.AnchorOf(i), t);
-      FitPlace(problem, i, t, kFitIterations, &places[i]);
-    }
-    result.points.push_back(problem.AnchorOf(i).Point(places[i].parameters));
-    // A place beyond infinity is one at infinity, within the noise.
-    result.is_inlier[i] = Worst(problem, i, places[i], t) <= options.max_squared_error;
-    if (!result.is_inlier[i]) continue;
-    ++result.num_inliers;
-    const TrackNormal n = MakeNormal(problem, i, places[i], t);
-    const Eigen::Matrix3d H = n.H + 1e-12 * Eigen::Matrix3d::Identity();
-    result.information += n.C - n.W.transpose() * H.inverse() * n.W;
-    freedom += 2.0 * static_cast<double>(tracks[i].in_a.size() + tracks[i].in_b.size()) - 3;
-    size_t k = 0;
-    problem.ForEach(i, places[i], t, false, [&](const Term* term) {
-      squares += term->error.squaredNorm();
-      if (k >= tracks[i].in_a.size())
-        errors.push_back(tracks[i].in_b[k - tracks[i].in_a.size()].sigma * term->error.norm());
-      ++k;
-    });
+    if (!use[i]) places[i] = place(i);
   }
-  if (errors.empty() || freedom <= 0) return result;
-  result.information /= std::max(1.0, squares / freedom);
-  std::nth_element(errors.begin(), errors.begin() + static_cast<long>(errors.size() / 2), errors.end());
-  result.median_error_px = errors[errors.size() / 2];
-  const Eigen::LDLT<Matrix7d> ldlt(result.information);
-  result.success = ldlt.isPositive() && ldlt.vectorD().minCoeff() > 1e-15 * ldlt.vectorD().maxCoeff();
+  Judge(problem, tracks, places, options.max_squared_error, &result);
   return result;
 }
 

@@ -199,7 +199,12 @@ WideConnection VerifyWideConnection(const WideSide& a, const WideSide& b, double
   const WideRegistration r = RegisterWideSides(a, b, options.registration);
   connection.reason = Objection(a, b, r, max_travel_s, options);
   if (connection.reason.empty()) connection.frames = PairFrames(a, b, r, options);
-  if (connection.reason.empty() && connection.frames.empty()) connection.reason = "no two frames have enough in common";
+  const int num_pairs = static_cast<int>(connection.frames.size());
+  if (connection.reason.empty() && num_pairs < options.min_pairs) {
+    connection.reason =
+        Format("only %d pairs of keyframes have enough in common (%d needed)", num_pairs, options.min_pairs);
+    connection.frames.clear();
+  }
   connection.success = connection.reason.empty();
   if (connection.success) {
     const Uncertainty sigma = Uncertain(a, r);

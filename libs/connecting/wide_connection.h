@@ -21,6 +21,7 @@ struct WideConnectionOptions {
   int min_cells = 6, min_cells_far = 3;
   int min_frames = 3;  // of each side, with min_in_frame inliers each; all, if there are fewer
   int min_in_frame = 6;
+  int min_pairs = 3;             // of keyframes that have so many inliers in common
   double min_match_rate = 0.06;      // of the points that should be seen, found by guided search
   double max_position_sigma = 0.05;  // of a camera across the gap, of its viewing distance
   double max_scale_sigma = 0.1;      // of the scale, as a share of it

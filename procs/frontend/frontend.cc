@@ -259,8 +259,9 @@ void Frontend::LeaveSubmap() {
   lost_ = {};
 }
 
-void Frontend::Finish() {
+void Frontend::Finish(bool in_haste) {
   const Locked locked(&lock_);
+  if (in_haste) wide_.GiveUp();
   if (map_ && publisher_.Believed()) {
     const int losses = num_losses_;
     CloseSubmap(LossReason::kEndOfInput, "the input ended");

@@ -92,8 +92,8 @@ class Frontend {
   void ExtractWideFeatures(WideExtraction::Extract extract) { wide_.Enable(std::move(extract)); }
   // With a mapping thread, throws what that threw.
   FrameOutcome ProcessFrame(const FramePtr& frame);
-  // Closes the current submap at the end of the input.
-  void Finish();
+  // Closes the current submap at the end of the input. in_haste: wide features that are not finished are given up.
+  void Finish(bool in_haste = false);
 
   int NumSubmaps() const { return ids_.next_submap; }
   int NumKeyframes() const { return ids_.next_keyframe; }

@@ -331,7 +331,7 @@ void FrontendRun::Finish() {
   const bool cut_off = StopRequested() && !is_live_;
   const bool goes_on = resume_.is_resumed || !options_.continues.empty();
   if (num_frames_ == 0 && !cut_off && !goes_on) throw std::runtime_error(ExplainNoFrame(options_, *input_));
-  frontend_.Finish();
+  frontend_.Finish(cut_off);  // who asked for it does not wait long
   if (num_frames_ > 0 || resume_.is_resumed) sender_.Append(last_utime_, SessionEnded{NumBefore() + num_frames_});
   diary_.OnEnd(NumBefore() + num_frames_, frontend_.NumTracked(), input_->Stream()->NumDropped());
   Report();

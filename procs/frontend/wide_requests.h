@@ -23,7 +23,8 @@ class WideRequests {
 
   // extract is called in a thread of its own.
   void Enable(WideExtraction::Extract extract) { extraction_ = std::make_unique<WideExtraction>(std::move(extract)); }
-  bool IsEnabled() const { return extraction_ != nullptr; }
+  // What is not finished is forgotten, and nothing is requested any more.
+  void GiveUp() { extraction_ = nullptr; }
 
   // map: the one that is tracked; null: none.
   void OnFrame(const FramePtr& frame, const WorkingMap* map);  // before it is tracked
