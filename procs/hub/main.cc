@@ -10,6 +10,7 @@
 #include "libs/bus/hub.h"
 #include "libs/bus/process.h"
 #include "libs/command_line/command_line.h"
+#include "libs/command_line/option_flags.h"
 
 namespace mapmend {
 namespace {
@@ -27,19 +28,20 @@ int Main(int argc, char** argv) {
       "the token that processes of other hosts must show before they may publish; made, readable by its owner "
       "only, if there is no such file");
   app.add_option("--max-clients", options.max_clients, "connections at once")->capture_default_str();
-  app.add_option("--buffer-mb", buffer_mb, "MB that may wait, over all clients")
-      ->check(CLI::Range(1, 65536))
-      ->capture_default_str();
+  const auto* buffer = app.add_option("--buffer-mb", buffer_mb, "MB that may wait, over all clients")
+                           ->check(CLI::Range(1, 65536))
+                           ->capture_default_str();
   app.add_option("--greeting-timeout", options.greeting_timeout_ms,
                  "milliseconds after which a client that has not said what it speaks is disconnected")
       ->capture_default_str();
   app.add_option("--backpressure-timeout", options.backpressure_timeout_ms,
                  "milliseconds that publishers wait for a subscriber that does not read")
       ->capture_default_str();
+  AddOptionFlags(&app, "hub", &options);
   // Started as `mapmend hub`, it is listed as that.
   const int skipped = argc > 1 && std::strcmp(argv[1], "hub") == 0 ? 1 : 0;
   if (const auto code = ParseCommandLine(&app, argc - skipped, argv + skipped)) return *code;
-  options.max_buffered_bytes = buffer_mb << 20;
+  if (buffer->count() > 0) options.max_buffered_bytes = buffer_mb << 20;
   mallopt(M_ARENA_MAX, 1);
   mallopt(M_MMAP_THRESHOLD, 1 << 20);  // what is large goes back to the system at once, and the bound does not grow
   InstallSignalHandlers();

@@ -27,7 +27,7 @@ std::string LogFolder(const BackendOptions& options) {
 }
 
 SupervisorOptions MakeSupervisorOptions(const BackendOptions& options) {
-  SupervisorOptions result;
+  SupervisorOptions result = options.settings.launcher().supervisor;
   result.log_folder = LogFolder(options);
   return result;
 }
@@ -52,7 +52,7 @@ Backend::Backend(const BackendOptions& options)
     : options_(options),
       redirection_(std::make_unique<StderrRedirection>(LogFolder(options) + "/mapmend.log")),
       supervisor_(MakeSupervisorOptions(options)),
-      watchdog_(options.watchdog) {
+      watchdog_(options.settings.launcher().watchdog) {
   ProcessOptions logging;
   logging.log_level = options_.log_level;
   ApplyLogLevel(logging);  // into that file
@@ -101,6 +101,8 @@ void Backend::StartHub(int port, const std::string& bind) {
   const auto arguments = [&](const std::string& number) {
     std::vector<std::string> argv = {FindProgram("hub"), "--bind", bind, "--port", number};
     if (!options_.hub_token_file.empty()) argv.insert(argv.end(), {"--token-file", options_.hub_token_file});
+    const std::vector<std::string> settings = options_.settings.Arguments("hub");
+    argv.insert(argv.end(), settings.begin(), settings.end());
     return argv;
   };
   supervisor_.Start({"hub", arguments(std::to_string(port)), OnExit::kRestart});
@@ -144,6 +146,8 @@ void Backend::RefuseSecondStore() {
 }
 
 void Backend::StartProcess(const std::string& name, std::vector<std::string> argv, OnExit on_exit, bool is_optional) {
+  const std::vector<std::string> settings = options_.settings.Arguments(name);
+  argv.insert(argv.end(), settings.begin(), settings.end());
   argv.insert(argv.end(), {"--lcm-url", url_, "--log-level", options_.log_level});
   if (!options_.channel_prefix.empty()) argv.insert(argv.end(), {"--channel-prefix", options_.channel_prefix});
   supervisor_.Start({name, argv, on_exit, is_optional});

@@ -11,6 +11,7 @@
 #include "libs/bus/bus.h"
 #include "libs/bus/health.h"
 #include "procs/mapmend/health_monitor.h"
+#include "procs/mapmend/process_settings.h"
 #include "procs/mapmend/stderr_redirection.h"
 #include "procs/mapmend/supervisor.h"
 #include "procs/mapmend/watchdog.h"
@@ -42,7 +43,7 @@ struct BackendOptions {
   std::string hub_bind;        // address that a hub of our own listens on; empty: as lcm_url says
   std::string hub_token_file;  // what processes of other hosts must show to that hub; empty: none
   int ready_timeout_ms = 60000;
-  WatchdogOptions watchdog;
+  ProcessSettings settings;  // of the processes; resolved
   // Called when hub and store are ready, before merger and viewer are started: what lies in the folder is put in order
   // then.
   std::function<void(Backend*)> when_stored;
@@ -60,7 +61,8 @@ class Backend {
 
   // Dispatches the bus for up to timeout_ms and looks after the processes. Throws as the constructor does.
   void Tick(int timeout_ms);
-  // Starts one more process on the same bus: argv gets --lcm-url, --channel-prefix and --log-level added.
+  // Starts one more process on the same bus: argv gets its settings, --lcm-url, --channel-prefix and
+  // --log-level added.
   void StartProcess(const std::string& name, std::vector<std::string> argv, OnExit on_exit, bool is_optional = false);
   // True once merger and viewer (those of them that were started) have finished the whole of a session. A viewer that
   // keeps failing is not waited for. Throws std::runtime_error if the merger keeps failing.

@@ -29,6 +29,8 @@ void AddDemoCommand(CLI::App* app);
 void AddDoctorCommand(CLI::App* app);
 void AddVocabCommand(CLI::App* app);
 void AddVocabRecallCommand(CLI::App* vocab);  // part of AddVocabCommand
+// Prints the options of all processes (libs/base/options.h).
+void AddOptionsCommand(CLI::App* app);
 void AddHubCommand(CLI::App* app);
 void AddStationCommand(CLI::App* app);
 void AddFlyCommand(CLI::App* app);

@@ -207,12 +207,16 @@ void AddAction(CLI::App* edges, const std::string& name, const std::string& desc
     sub->add_option("--seed", options->file.seed,
                     "for a file, of everything random (default: that of the flight's run)");
     sub->add_option("--groundtruth", options->file.groundtruth, "for a folder of results: TUM file for the report");
+    options->file.settings.AddFlags(sub, {"hub", "submap_store", "merger", "viewer_export"});
   }
   sub->add_option("--vocabulary", options->file.vocabulary,
                   "for a file: the one of the flights (default: mapmend's own)");
   sub->add_option("--channel-prefix", options->channel_prefix, "of a live system");
   sub->add_flag("--json", options->json, "the graph as JSON instead of the table");
-  sub->callback([options] { Work(*options); });
+  sub->callback([options] {
+    options->file.settings.Resolve();
+    Work(*options);
+  });
 }
 
 }  // namespace

@@ -57,6 +57,7 @@ class Flight {
       on_board.lcm_url = options_.lcm_url;
       on_board.channel_prefix = options_.channel_prefix;
       on_board.with_store = false;
+      on_board.settings = options_.settings;
       Backend backend(on_board);
       WriteFile(options_.out + "/logs/lcm-url", backend.Url() + "\n");
       const std::string session = options_.session.empty() ? NewSessionId() : options_.session;
@@ -83,6 +84,8 @@ class Flight {
   // True if the station has had all of the flight.
   bool Fly(Backend* backend, const Undelivered& older, const std::string& session) {
     std::vector<std::string> argv = FrontendArguments(options_, session);
+    const std::vector<std::string> settings = options_.settings.Arguments("frontend");
+    argv.insert(argv.end(), settings.begin(), settings.end());
     argv.insert(argv.end(),
                 {"--lcm-url", station_url_, "--local-url", backend->Url(), "--log-level", options_.log_level});
     if (!options_.channel_prefix.empty()) argv.insert(argv.end(), {"--channel-prefix", options_.channel_prefix});
@@ -140,6 +143,7 @@ void AddFlyCommand(CLI::App* app) {
   sub->add_option("--vehicle", options->vehicle, "name of this vehicle, for the report")->required();
   sub->add_option("--out", options->out, "folder that keeps what the station has not had yet")->capture_default_str();
   AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
+  options->settings.AddFlags(sub, {"frontend", "hub"});
   sub->get_option("--lcm-url")
       ->description(
           "LCM network on board, of the camera with --live (default: tcpq://127.0.0.1:7700 with --live, else a private "
@@ -148,6 +152,7 @@ void AddFlyCommand(CLI::App* app) {
       "Tracking never waits for the station. What it has not had is kept in --out; `mapmend fly` with the same --out\n"
       "delivers it. Exit codes as of `mapmend run`; 0: the station has the whole flight.");
   sub->callback([options, station, token_file] {
+    options->settings.Resolve();
     ApplyFollow(options.get());
     ApplyTokenFile(*token_file);
     if (options->live && options->lcm_url.empty()) options->lcm_url = "tcpq://127.0.0.1:7700";

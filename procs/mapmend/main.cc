@@ -34,6 +34,7 @@ int main(int argc, char** argv) {
   mapmend::AddForwardCommands(&app);
   mapmend::AddVocabCommand(&app);
   mapmend::AddHubCommand(&app);
+  mapmend::AddOptionsCommand(&app);
   // What goes on under way is for the log, stdout and stderr are for what a person asked (Backend opens the log).
   spdlog::set_level(spdlog::level::off);
   try {

@@ -70,6 +70,7 @@ MapFile::MapFile(const MapFileOptions& options) : options_(options) {
   backend.groundtruth = options_.groundtruth;
   backend.log_level = options_.log_level;
   backend.seed = options_.seed;
+  backend.settings = options_.settings;
   backend.with_merger = options_.with_merger;
   backend.with_viewer = !options_.out.empty();
   if (options_.out.empty()) {

@@ -27,6 +27,7 @@ struct MapFileOptions {
   std::optional<int> seed;
   std::string log_level = "info";
   bool with_merger = false;  // the map is merged anew
+  ProcessSettings settings;  // resolved
 };
 
 // The processes on a database file without a flight. Logs go to OUT/logs, or to a temporary folder that goes with the

@@ -76,6 +76,7 @@ MapRescue RescueMap(const MapFileOptions& options, bool always, const std::funct
   if (backend_options.vocabulary.empty()) throw std::runtime_error("no vocabulary: give one with --vocabulary");
   backend_options.vocabulary_hash = Vocabulary::Read(backend_options.vocabulary).Hash();
   backend_options.log_level = options.log_level;
+  backend_options.settings = options.settings;
   backend_options.with_merger = backend_options.with_viewer = false;
   backend_options.tell = tell;
   Backend backend(backend_options);

@@ -35,6 +35,7 @@ void AddCommonOptions(CLI::App* sub, std::string* map, MapFileOptions* options) 
   sub->add_option("--log-level", options->log_level, "of the log files in OUT/logs: debug, info, warn or error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
       ->capture_default_str();
+  options->settings.AddFlags(sub, {"hub", "submap_store", "merger", "viewer_export"});
 }
 
 }  // namespace
@@ -47,6 +48,7 @@ void AddExportCommand(CLI::App* app) {
   AddCommonOptions(sub, map.get(), options.get());
   sub->add_option("--out", options->out, "folder of the results (default: MAP, if that is a folder)");
   sub->callback([options, map] {
+    options->settings.Resolve();
     options->place = FindMap(*map);
     if (options->out.empty()) options->out = options->place.folder;
     if (options->out.empty()) throw std::runtime_error("give the folder for the results with --out");
@@ -65,6 +67,7 @@ void AddMergeCommand(CLI::App* app) {
   sub->add_option("--seed", options->seed,
                   "of everything random (default: that of the flight's run, which gives the same map)");
   sub->callback([options, map] {
+    options->settings.Resolve();
     options->place = FindMap(*map);
     options->with_merger = true;
     if (options->out.empty()) options->out = options->place.folder;

@@ -31,6 +31,7 @@ struct ReplayOptions {
   std::optional<int> port;  // unset: a free one from 8080 on; 0: no page
   double speed = 0;
   bool overwrite = false;
+  ProcessSettings settings;
 };
 
 // Sends the whole recording to the store: as fast as it commits, or `speed` times as fast as it was flown.
@@ -102,6 +103,7 @@ int Replay(ReplayOptions options) {
     backend_options.channel_prefix = options.channel_prefix;
     backend_options.log_level = options.log_level;
     backend_options.seed = options.seed;
+    backend_options.settings = options.settings;
     backend_options.port = port;
     Backend backend(backend_options);
     progress.Say("mapping the recording " + name + " into " + options.out + "; bus " + backend.Url() +
@@ -156,11 +158,13 @@ void AddReplayCommand(CLI::App* app) {
       ->capture_default_str();
   sub->add_option("--port", options->port, "of the live page, 0: none (default: a free one from 8080 on)");
   AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
+  options->settings.AddFlags(sub, {"hub", "submap_store", "merger", "viewer_export"});
   sub->footer(
       "Exit codes: 0 done; 1 an error, told in one line; 2 a mistake in the command line; 3 the recording is damaged "
       "or not\ncomplete (what is sound is mapped); 4 the main map holds less than half of the flight; 130 "
       "interrupted.");
   sub->callback([options] {
+    options->settings.Resolve();
     options->lcm_url = UrlFromOptionOrEnvironment(options->lcm_url);
     const int code = Replay(*options);
     if (code != 0) throw CLI::RuntimeError(code);

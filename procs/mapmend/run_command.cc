@@ -102,6 +102,7 @@ void AddRunCommand(CLI::App* app) {
   auto* quiet_flag = sub->add_flag("--quiet", options->quiet, "print nothing but errors");
   sub->add_flag("--json", options->json, "print nothing but the summary at the end, as JSON")->excludes(quiet_flag);
   AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
+  options->settings.AddFlags(sub, {"frontend", "hub", "submap_store", "merger", "viewer_export"});
   sub->footer(
       "Exit codes: 0 done; 1 an error, told in one line; 2 a mistake in the command line; 3 INPUT ends early, or\n"
       "frames of it could not be used (the rest is mapped); 4 mapped, but the main map holds less than half of the "
@@ -109,6 +110,7 @@ void AddRunCommand(CLI::App* app) {
       "line\nsays why and what to try); 130 interrupted (map.db holds what was mapped so far). With --live the first "
       "Ctrl-C\nends the flight: the map is finished.");
   sub->callback([options] {
+    options->settings.Resolve();
     options->lcm_url = UrlFromOptionOrEnvironment(options->lcm_url);
     ApplyFollow(options.get());
     // A camera cannot know the port of a private hub.

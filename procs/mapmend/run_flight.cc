@@ -56,6 +56,7 @@ std::string SessionOf(const RunOptions& options) {
   if (options.every) text += "|every" + std::to_string(*options.every);
   if (!options.mask.empty()) text += "|mask " + SessionIdFromText(ReadFile(options.mask));
   if (options.realtime) text += "|realtime";
+  if (const std::string changes = options.settings.Changes("frontend"); !changes.empty()) text += "|options " + changes;
   return SessionIdFromText(text);
 }
 
@@ -251,6 +252,7 @@ int RunFlight(const RunInputs& inputs) {
     backend_options.channel_prefix = options.channel_prefix;
     backend_options.log_level = options.log_level;
     backend_options.seed = options.seed;
+    backend_options.settings = options.settings;
     backend_options.port = port;
     backend_options.bind = options.bind;
     std::filesystem::remove(ProfilePath(options));  // of an earlier flight into the same map

@@ -5,6 +5,8 @@
 #include <vector>
 
 // What `mapmend run` was asked to do, and what the checks of its inputs found out.
+#include "procs/mapmend/process_settings.h"
+
 namespace mapmend {
 
 struct RunOptions {
@@ -45,6 +47,7 @@ struct RunOptions {
   bool quiet = false;                // nothing on standard output
   bool json = false;                 // nothing but the summary as JSON on standard output
   std::string bind;                  // address of the live page; empty: this host only
+  ProcessSettings settings;          // of the processes
 };
 
 struct RunInputs {

@@ -31,6 +31,7 @@ struct StationOptions {
   std::string out = "mapmend-station", vocabulary, bind = "127.0.0.1", token_file, channel_prefix, log_level = "info";
   int port = 7700;
   std::optional<int> page_port, seed;
+  ProcessSettings settings;
 };
 
 // What the vehicles do, told in lines as their records come by: which flight began, lost tracking, ended.
@@ -171,6 +172,7 @@ class Station {
     backend.channel_prefix = options_.channel_prefix;
     backend.log_level = options_.log_level;
     backend.seed = options_.seed;
+    backend.settings = options_.settings;
     backend.port = page_port;
     backend.tell = [this](const std::string& line) { progress_.Say(line); };
     return backend;
@@ -249,10 +251,12 @@ void AddStationCommand(CLI::App* app) {
   sub->add_option("--log-level", options->log_level, "of the log files in OUT/logs: debug, info, warn or error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
       ->capture_default_str();
+  options->settings.AddFlags(sub, {"hub", "submap_store", "merger", "viewer_export"});
   sub->footer(
       "Runs until Ctrl-C; then flights whose vehicle is silent are closed and the map is finished. A second Ctrl-C\n"
       "leaves at once. Started again with the same --out, it goes on.");
   sub->callback([options] {
+    options->settings.Resolve();
     if (const int code = Station(*options).Run(); code != 0) throw CLI::RuntimeError(code);
   });
 }

@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "libs/base/exit_codes.h"
+#include "libs/base/options.h"
 
 namespace mapmend {
 namespace {
@@ -31,16 +32,17 @@ constexpr milliseconds kSampleInterval(100);
 
 }  // namespace
 
-void SupervisorOptions::Check() const {
-  if (log_folder.empty()) throw std::invalid_argument("SupervisorOptions.log_folder is empty");
-  if (first_backoff_ms < 1 || max_backoff_ms < first_backoff_ms) {
-    throw std::invalid_argument("SupervisorOptions: 1 <= first_backoff_ms <= max_backoff_ms");
-  }
-  if (max_quick_restarts < 0) throw std::invalid_argument("SupervisorOptions.max_quick_restarts is negative");
-  if (stop_grace_ms < 0) throw std::invalid_argument("SupervisorOptions.stop_grace_ms is negative");
+std::string SupervisorOptions::Check() const {
+  return log_folder.empty() ? "log_folder is empty" : CheckOptions(*this);
 }
 
-Supervisor::Supervisor(const SupervisorOptions& options) : options_(options) { options_.Check(); }
+std::string SupervisorOptions::Conflict() const {
+  return first_backoff_ms <= max_backoff_ms ? "" : "first_backoff_ms must not be more than max_backoff_ms";
+}
+
+Supervisor::Supervisor(const SupervisorOptions& options) : options_(options) {
+  if (const std::string error = options_.Check(); !error.empty()) throw std::invalid_argument("supervisor: " + error);
+}
 
 Supervisor::~Supervisor() { StopAll(); }
 

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "procs/mapmend/child_process.h"
 
 // Starts, watches, restarts and stops the processes of one run.
@@ -38,7 +39,21 @@ struct SupervisorOptions {
   int max_crashes = 3;              // in a row, of a kResume process: then its status is kept
   int stop_grace_ms = 2000;         // between SIGTERM and SIGKILL
 
-  void Check() const;  // throws std::invalid_argument naming the option
+  // Not visited: log_folder: of one run.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("first_backoff_ms", first_backoff_ms, Range(1, 3.6e6), "ms");
+    v("max_backoff_ms", max_backoff_ms, Range(1, 3.6e6), "ms");
+    v("stable_after_ms", stable_after_ms, Range(0, 3.6e6), "ms");
+    v("max_quick_restarts", max_quick_restarts, Range(0, 1e6));
+    v("optional_backoff_ms", optional_backoff_ms, Range(0, 3.6e6), "ms");
+    v("max_crashes", max_crashes, Range(0, 1e6));
+    v("stop_grace_ms", stop_grace_ms, Range(0, 3.6e6), "ms");
+  }
+  // Empty, or one line that names the first option that is wrong.
+  std::string Check() const;
+  // Empty, or which options contradict each other.
+  std::string Conflict() const;
 };
 
 class Supervisor {

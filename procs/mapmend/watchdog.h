@@ -6,6 +6,8 @@
 #include <map>
 #include <string>
 
+#include "libs/base/range.h"
+
 namespace mapmend {
 
 struct WatchdogOptions {
@@ -14,6 +16,15 @@ struct WatchdogOptions {
   int newborn_ms = 30000;  // the same as silent_ms for one that has not said a word yet
   int stalled_s = 300;     // it speaks, but its work stands still (HealthReporter)
   int min_cpu_ms = 30;     // less in all that time is not work
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("silent_ms", silent_ms, Range(1, 3.6e6), "ms");
+    v("mute_ms", mute_ms, Range(1, 3.6e6), "ms");
+    v("newborn_ms", newborn_ms, Range(1, 3.6e6), "ms");
+    v("stalled_s", stalled_s, Range(1, 1e6), "s");
+    v("min_cpu_ms", min_cpu_ms, Range(0, 3.6e6), "ms");
+  }
 };
 
 // Tells processes that hang (stopped, dead-locked) from those that only have much to do or get little of the processor.

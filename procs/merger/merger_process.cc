@@ -370,15 +370,11 @@ class MergerLoop {
 }  // namespace
 
 int RunMergerProcess(const MergerProcessOptions& options) {
-  MergerOptions merger_options;
-  merger_options.seed = options.seed;
-  merger_options.search.max_cached_keyframes = options.max_cached_keyframes;
-  if (const std::string error = merger_options.Check(); !error.empty()) throw std::runtime_error(error);
   std::string vocabulary_hash;
   if (!options.vocabulary.empty()) vocabulary_hash = Vocabulary::Read(options.vocabulary).Hash();
   InstallSignalHandlers();
   Bus bus(ResolveLcmUrl(options.process.lcm_url), options.process.channel_prefix);
-  MergerLoop(options, merger_options, vocabulary_hash, &bus).Run();
+  MergerLoop(options, options.merger, vocabulary_hash, &bus).Run();
   return 0;
 }
 

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <cstdint>
-#include <optional>
 #include <string>
 
 #include "libs/bus/process.h"
@@ -11,9 +9,8 @@ namespace mapmend {
 
 struct MergerProcessOptions {
   ProcessOptions process;
-  std::string vocabulary;        // path; empty: sessions' vocabularies are not checked
-  std::optional<uint64_t> seed;  // none: that of the flight
-  int max_cached_keyframes = 500;
+  std::string vocabulary;  // path; empty: sessions' vocabularies are not checked
+  MergerOptions merger;
 };
 
 // Runs the merger on the bus until a signal. Returns the exit code. Throws std::runtime_error with one line on trouble.

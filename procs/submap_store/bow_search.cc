@@ -10,7 +10,7 @@ namespace mapmend {
 namespace {
 
 constexpr size_t kMaxTrackers = 8;
-constexpr int kDefaultResults = 20, kMaxResults = 200;
+constexpr int kMaxResults = 200;
 
 // Rows are numbered from 1, the index counts sessions from 0.
 int32_t IndexNumber(int64_t session) { return static_cast<int32_t>(session - 1); }
@@ -173,7 +173,7 @@ BowAnswer BowSearch::Query(const BowQuery& query) {
     overlaps.push_back({id.value, static_cast<double>(shared) / num_points});
     if (shared >= kMinCovisible) covisible.push_back(id);
   }
-  answer.nearby = KeyframeId(ChooseNearby(overlaps, answer.adjacent.value, threshold_options_));
+  answer.nearby = KeyframeId(ChooseNearby(overlaps, answer.adjacent.value, options_.thresholds));
 
   const BowVector& bow = index_.Bow(handle->second);
   const auto find_bow = [&](KeyframeId id) {
@@ -181,7 +181,7 @@ BowAnswer BowSearch::Query(const BowQuery& query) {
     return found == own->handles.end() ? nullptr : &index_.Bow(found->second);
   };
   const AdaptiveThresholds thresholds =
-      ComputeThresholds(bow, find_bow(answer.adjacent), find_bow(answer.nearby), threshold_options_);
+      ComputeThresholds(bow, find_bow(answer.adjacent), find_bow(answer.nearby), options_.thresholds);
   answer.n0 = thresholds.n0;
   answer.n1 = thresholds.n1;
   answer.s0 = static_cast<float>(thresholds.s0);
@@ -197,14 +197,14 @@ BowAnswer BowSearch::Query(const BowQuery& query) {
     scope.excluded_session = entry.session;
     scope.excluded_submap = entry.submap;
   }
-  SelectionOptions options;
-  options.max_results = query.max_results <= 0 ? kDefaultResults : std::min(query.max_results, kMaxResults);
+  SelectionOptions selection_options = options_.selection;
+  if (query.max_results > 0) selection_options.max_results = std::min(query.max_results, kMaxResults);
   const Selection selection = SelectCandidates(
       index_.Query(bow, scope, thresholds.k), bow.Size(), thresholds,
       [&](int32_t other) {
         return Covisible(query.requester, other, scope.last_seq[static_cast<size_t>(index_.Entry(other).session)]);
       },
-      options);
+      selection_options);
   answer.max_common_words = static_cast<int32_t>(std::lround(selection.max_common_words));
   answer.best_group_score = static_cast<float>(selection.best_group_score);
   for (const Candidate& candidate : selection.candidates) {

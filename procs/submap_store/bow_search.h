@@ -15,12 +15,23 @@
 
 namespace mapmend {
 
+struct BowSearchOptions {
+  ThresholdOptions thresholds;
+  SelectionOptions selection;
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("thresholds", thresholds);
+    v("selection", selection);
+  }
+};
+
 // Retrieval of connected-frame candidates (paper section 3.3) over everything that is committed, as of the records that
 // a query names. The index is in memory and made from the file on opening; the covisibility of submaps that were still
 // growing is read from the file when needed.
 class BowSearch {
  public:
-  explicit BowSearch(Database* database) : database_(database) {}
+  BowSearch(const BowSearchOptions& options, Database* database) : options_(options), database_(database) {}
 
   // What has been committed, in order. sessions are known by the number of their row.
   void AddSession(const SessionRow& session);
@@ -63,13 +74,13 @@ class BowSearch {
   std::vector<int32_t> Covisible(const std::string& requester, int32_t handle, int64_t seq);
   std::vector<int32_t> ToHandles(int64_t session, const std::vector<KeyframeId>& keyframes) const;
 
+  const BowSearchOptions options_;
   Database* database_;
   std::map<int64_t, SessionInfo> sessions_;  // by row number
   std::map<SubmapIndex, SubmapInfo> submaps_;
   InvertedIndex index_;
   std::vector<std::vector<int32_t>> covisible_;  // per handle, handles
   std::list<CachedTracker> trackers_;            // most recently used first
-  ThresholdOptions threshold_options_;
 };
 
 }  // namespace mapmend

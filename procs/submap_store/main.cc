@@ -9,6 +9,7 @@
 #include "libs/base/exit_codes.h"
 #include "libs/bus/process.h"
 #include "libs/command_line/command_line.h"
+#include "libs/command_line/option_flags.h"
 #include "procs/submap_store/db_commands.h"
 #include "procs/submap_store/store_adapter.h"
 
@@ -39,6 +40,7 @@ int Main(int argc, char** argv) {
     app.add_flag("--recording", options.log.is_recording,
                  "the stream is played by lcm-logplayer, which cannot answer: give up what is missing after 2 s");
     app.require_subcommand(0, 1);
+    AddOptionFlags(&app, "submap_store", &options);
   }
   AddDbCommands(&app);
   if (const auto code = ParseCommandLine(&app, argc, argv)) return *code;
@@ -46,6 +48,7 @@ int Main(int argc, char** argv) {
   if (!app.get_subcommands().empty()) return 0;  // it has run
   if (options.path.empty()) throw UsageError("--db is required (or one of info, check, compact, forget, merge, hash)");
 
+  RequireGoodOptions(OptionList::Of(options));
   InstallSignalHandlers();
   auto store = Open(options);  // first: who cannot store must not be heard
   Bus bus(ResolveLcmUrl(process.lcm_url), process.channel_prefix);

@@ -5,6 +5,7 @@
 #include <variant>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/stream/stream_messages.h"
 #include "libs/stream/submap.h"
 #include "libs/wire/codec.h"
@@ -19,6 +20,14 @@ struct SessionLogOptions {
   // store's own is looked at.
   bool is_recording = false;
   int64_t settle_ms = 2000;
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("max_ahead", max_ahead, Range(1, 1e9), "records");
+    v("max_pending_bytes", max_pending_bytes, Range(1, 1e12), "bytes");
+    v("is_recording", is_recording);
+    v("settle_ms", settle_ms, Range(0, 3.6e6), "ms");
+  }
 };
 
 // The reason in the gap table when a store ends a session in its frontend's place: the gap begins with the first number

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "libs/base/options.h"
 #include "procs/submap_store/db_commands.h"
 #include "procs/submap_store/session_progress.h"
 #include "procs/submap_store/submap_model.h"
@@ -41,17 +42,14 @@ Session MakeStub(const SessionRow& row) {
 }  // namespace
 
 std::string SubmapStoreOptions::Check() const {
-  if (path.empty()) return "no database file is given";
-  if (checkpoint_interval_ms <= 0) return "checkpoint_interval_ms must be positive";
-  if (retry_ms <= 0) return "retry_ms must be positive";
-  return "";
+  return path.empty() ? "no database file is given" : CheckOptions(*this);
 }
 
 SubmapStore::SubmapStore(const SubmapStoreOptions& options)
     : options_(options),
       database_((options.Check().empty() ? options.path : throw std::runtime_error(options.Check())),
                 Database::Mode::kReadWrite),
-      search_(&database_),
+      search_(options.retrieval, &database_),
       revisions_(&database_),
       edge_decisions_(&database_),
       checkpointer_(options.path, options.checkpoint_interval_ms),

@@ -6,6 +6,7 @@
 #include <set>
 #include <string>
 
+#include "libs/base/range.h"
 #include "procs/submap_store/bow_search.h"
 #include "procs/submap_store/checkpointer.h"
 #include "procs/submap_store/database.h"
@@ -20,9 +21,19 @@ struct SubmapStoreOptions {
   std::string path;
   std::string vocabulary_hash;  // sessions with another one are refused; empty: that of the first session in the file
   SessionLogOptions log;
+  BowSearchOptions retrieval;
   int checkpoint_interval_ms = 200;
   int64_t retry_ms = 250;  // after a failed commit, e.g. on a full disk
 
+  // Not visited: path, vocabulary_hash: of one map.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("log", log);
+    v("retrieval", retrieval);
+    v("checkpoint_interval_ms", checkpoint_interval_ms, Range(1, 3.6e6), "ms");
+    v("retry_ms", retry_ms, Range(1, 3.6e6), "ms");
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
 };
 

@@ -5,6 +5,7 @@
 #include "libs/bus/bus.h"
 #include "libs/bus/process.h"
 #include "libs/command_line/command_line.h"
+#include "libs/command_line/option_flags.h"
 #include "libs/geometry/read_trajectory.h"
 #include "procs/viewer_export/exporter.h"
 #include "procs/viewer_export/live_server.h"
@@ -19,7 +20,7 @@ int Main(int argc, char** argv) {
       "viewer_export");
   ProcessOptions process;
   ViewerOptions options;
-  double time_offset_s = 0, time_tolerance_s = 0.01;
+  double time_offset_s = 0, time_tolerance_s = 0;
   std::string ground_truth, times, report, bind = "127.0.0.1";
   int port = 0;
   AddProcessOptions(&app, &process);
@@ -27,8 +28,9 @@ int Main(int argc, char** argv) {
   app.add_option("--groundtruth", ground_truth, "trajectory to compare the map with");
   app.add_option("--times", times, "times of the frames, for a ground truth without times (KITTI)");
   app.add_option("--time-offset", time_offset_s, "seconds to add to the times of the ground truth");
-  app.add_option("--time-tolerance", time_tolerance_s, "largest difference in time of poses compared, seconds")
-      ->check(CLI::Range(0.0, 1e6));
+  auto* tolerance =
+      app.add_option("--time-tolerance", time_tolerance_s, "largest difference in time of poses compared, seconds")
+          ->check(CLI::Range(0.0, 1e6));
   app.add_option("--port", port, "TCP port of the live page, 0 for none")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
@@ -36,16 +38,19 @@ int Main(int argc, char** argv) {
   app.add_option("--report", report,
                  "Only make DIR/report.html again from DIR/summary.json and the pictures in DIR, then exit")
       ->type_name("DIR");
+  AddOptionFlags(&app, "viewer_export", &options);
   if (const auto code = ParseCommandLine(&app, argc, argv)) return *code;
   ApplyLogLevel(process);
   if (!report.empty()) {
     RebuildReport(report);
     return 0;
   }
+  if (tolerance->count() > 0) options.evaluation.tolerance_us = std::llround(time_tolerance_s * 1e6);
+  RequireGoodOptions(OptionList::Of(options));
   // What can be wrong with the arguments shows before anything is connected.
   if (!ground_truth.empty()) {
     options.ground_truth = GroundTruth{ground_truth, ReadGroundTruth(ground_truth, times, time_offset_s).poses, {}};
-    options.ground_truth->options.tolerance_us = std::llround(time_tolerance_s * 1e6);
+    options.ground_truth->options = options.evaluation;
   }
   if (!options.out.empty()) PrepareDirectory(options.out);
   std::unique_ptr<LiveServer> server;

@@ -14,6 +14,13 @@ class LiveServer;
 struct ViewerOptions {
   std::string out;                          // directory of the exports, see PrepareDirectory; empty: none are written
   std::optional<GroundTruth> ground_truth;  // to compare the map with
+  EvaluationOptions evaluation;             // how
+
+  // Not visited: out, ground_truth: of one run.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("evaluation", evaluation);
+  }
 };
 
 // The adapter between the bus and the map model: follows the stream and the merger, writes the exports when the final
