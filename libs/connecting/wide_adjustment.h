@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/geometry/sim3_refinement.h"
 
 namespace mapmend {
@@ -24,6 +25,13 @@ struct WideAdjustmentOptions {
   int max_iterations = 20;
   double huber = 2;                 // sigma; errors beyond it count linearly
   double max_squared_error = 9.21;  // sigma^2, of the worst sighting: else the track is none of the inliers
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("max_iterations", max_iterations, Range(1, 1000));
+    v("huber", huber, MoreThan(0), "sigma");
+    v("max_squared_error", max_squared_error, MoreThan(0), "sigma^2");
+  }
 };
 
 struct WideAdjustmentResult {

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "libs/base/median.h"
+#include "libs/base/options.h"
 #include "libs/base/text_format.h"
 #include "libs/connecting/connection.h"
 
@@ -186,12 +187,7 @@ std::string Objection(const WideSide& a, const WideSide& b, const WideRegistrati
 
 }  // namespace
 
-std::string WideConnectionOptions::Check() const {
-  if (const std::string e = tracks.Check(); !e.empty()) return "tracks: " + e;
-  if (const std::string e = registration.Check(); !e.empty()) return "registration: " + e;
-  if (min_inliers < 7) return "min_inliers must be 7 at least";
-  return "";
-}
+std::string WideConnectionOptions::Check() const { return CheckOptions(*this); }
 
 WideConnection VerifyWideConnection(const WideSide& a, const WideSide& b, double max_travel_s,
                                     const WideConnectionOptions& options) {

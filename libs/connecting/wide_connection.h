@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/connecting/connected_frames.h"
 #include "libs/connecting/wide_registration.h"
 
@@ -21,13 +22,32 @@ struct WideConnectionOptions {
   int min_cells = 6, min_cells_far = 3;
   int min_frames = 3;  // of each side, with min_in_frame inliers each; all, if there are fewer
   int min_in_frame = 6;
-  int min_pairs = 3;             // of keyframes that have so many inliers in common
+  int min_pairs = 3;                 // of keyframes that have so many inliers in common
   double min_match_rate = 0.06;      // of the points that should be seen, found by guided search
   double max_position_sigma = 0.05;  // of a camera across the gap, of its viewing distance
   double max_scale_sigma = 0.1;      // of the scale, as a share of it
   double max_speed = 4;              // across the gap, times the largest of both sides: what moves does not jump
   double max_median_error = 3;       // pixels
 
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("tracks", tracks);
+    v("registration", registration);
+    v("min_inliers", min_inliers, Range(7, 1e6), "tracks");
+    v("min_evidence", min_evidence, AtLeast(0), "nats");
+    v("max_rival", max_rival, Range(0, 1));
+    v("min_cells", min_cells, Range(0, 48), "cells");
+    v("min_cells_far", min_cells_far, Range(0, 48), "cells");
+    v("min_frames", min_frames, Range(1, 1000), "frames");
+    v("min_in_frame", min_in_frame, Range(1, 1e6), "inliers");
+    v("min_match_rate", min_match_rate, Range(0, 1));
+    v("min_pairs", min_pairs, Range(1, 1000));
+    v("max_position_sigma", max_position_sigma, MoreThan(0), "of the viewing distance");
+    v("max_scale_sigma", max_scale_sigma, MoreThan(0));
+    v("max_speed", max_speed, MoreThan(0));
+    v("max_median_error", max_median_error, MoreThan(0), "pixels");
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
 };
 

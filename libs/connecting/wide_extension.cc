@@ -6,6 +6,7 @@
 #include <set>
 #include <utility>
 
+#include "libs/base/options.h"
 #include "libs/geometry/pnp.h"
 #include "libs/optim/pose_optimization.h"
 #include "libs/optim/pose_uncertainty.h"
@@ -82,11 +83,7 @@ std::optional<Rigid3> FindPose(const WideSide& side, const WideFrame& frame, int
 
 }  // namespace
 
-std::string WideExtensionOptions::Check() const {
-  if (min_inliers < 6) return "min_inliers must be 6 at least";
-  if (!(threshold_px > 0) || !(max_position_sigma > 0)) return "the limits must be positive";
-  return "";
-}
+std::string WideExtensionOptions::Check() const { return CheckOptions(*this); }
 
 int ExtendWideSide(std::vector<WideFrame> frames, const WideTrackOptions& tracks, const WideExtensionOptions& options,
                    WideSide* side) {

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/connecting/wide_tracks.h"
 
 namespace mapmend {
@@ -17,6 +18,17 @@ struct WideExtensionOptions {
   int min_cells = 4;                 // of an 8 x 6 grid, occupied by them
   double max_position_sigma = 0.03;  // of the pose, of the points' median depth
 
+  // Not visited: seed: that of the whole program.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("matching", matching);
+    v("threshold_px", threshold_px, MoreThan(0), "pixels");
+    v("max_squared_error", max_squared_error, MoreThan(0), "sigma^2");
+    v("min_inliers", min_inliers, Range(6, 1e6), "points");
+    v("min_cells", min_cells, Range(0, 48), "cells");
+    v("max_position_sigma", max_position_sigma, MoreThan(0), "of the depth");
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
 };
 

@@ -11,6 +11,7 @@
 #include <set>
 
 #include "libs/base/median.h"
+#include "libs/base/options.h"
 #include "libs/base/random.h"
 #include "libs/connecting/wide_guided.h"
 
@@ -298,11 +299,7 @@ void FinishRegistration(const WideSide& a, const WideSide& b, const WideRegistra
 
 }  // namespace
 
-std::string WideRegistrationOptions::Check() const {
-  if (max_matched_frames < 1 || num_samples < 1 || num_refined < 1) return "the counts must be positive";
-  if (!(max_scale > 1)) return "max_scale must be more than 1";
-  return "";
-}
+std::string WideRegistrationOptions::Check() const { return CheckOptions(*this); }
 
 double WideEvidence(const WideSide& a, const WideSide& b, const std::vector<WideTrackMatch>& matches,
                     const Similarity3& b_from_a, double least_evidence) {

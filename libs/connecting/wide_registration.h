@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/connecting/wide_adjustment.h"
 #include "libs/connecting/wide_tracks.h"
 
@@ -35,6 +36,24 @@ struct WideRegistrationOptions {
   int guided_max_distance = 30000;  // squared, as WideSquaredDistance: chance neighbours lie beyond
   WideAdjustmentOptions adjustment;
 
+  // Not visited: seed: that of the whole program.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("matching", matching);
+    v("max_matched_frames", max_matched_frames, Range(1, 1000), "frames");
+    v("num_samples", num_samples, Range(1, 1e6));
+    v("max_scale", max_scale, MoreThan(1));
+    v("num_refined", num_refined, Range(1, 1000));
+    v("least_evidence", least_evidence, AtLeast(0), "nats");
+    v("same_position", same_position, AtLeast(0), "of the viewing distance");
+    v("same_turn_deg", same_turn_deg, AtLeast(0), "degrees");
+    v("same_scale", same_scale, AtLeast(0));
+    v("guided_radius", guided_radius, AtLeast(0), "pixels");
+    v("guided_ratio", guided_ratio, Range(0, 1));
+    v("guided_max_distance", guided_max_distance, Range(0, 1e9));
+    v("adjustment", adjustment);
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
 };
 

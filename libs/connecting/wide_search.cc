@@ -5,6 +5,8 @@
 #include <limits>
 #include <tuple>
 
+#include "libs/base/options.h"
+
 namespace mapmend {
 namespace {
 
@@ -20,12 +22,7 @@ double TravelTime(const SubmapKey& a, const WideSide& in_a, const SubmapKey& b, 
 
 }  // namespace
 
-std::string WideSearchOptions::Check() const {
-  if (const std::string e = connection.Check(); !e.empty()) return "connection: " + e;
-  if (const std::string e = extension.Check(); !e.empty()) return "extension: " + e;
-  if (max_frames < 2 || num_submaps < 1 || max_pairs < 0) return "the counts must be positive";
-  return "";
-}
+std::string WideSearchOptions::Check() const { return CheckOptions(*this); }
 
 bool WideSearch::HasWide(const SubmapKey& key) const {
   const Submap& submap = *ViewSubmap(*sessions_, key).submap;

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/connecting/connection_graph.h"
 #include "libs/connecting/keyframe_cache.h"
 #include "libs/connecting/wide_connection.h"
@@ -24,6 +25,16 @@ struct WideSearchOptions {
   int max_pairs = 60;  // of ends of submaps that are compared besides, those that look most alike first ...
   int min_alike = 12;  // ... by matches of one frame of each, at least so many
 
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("connection", connection);
+    v("extension", extension);
+    v("max_frames", max_frames, Range(2, 1000), "frames");
+    v("num_submaps", num_submaps, Range(1, 1000), "submaps");
+    v("max_pairs", max_pairs, Range(0, 1e6));
+    v("min_alike", min_alike, Range(0, 1e6), "matches");
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
 };
 

@@ -8,6 +8,8 @@
 #include <optional>
 #include <tuple>
 
+#include "libs/base/options.h"
+
 namespace mapmend {
 namespace {
 
@@ -206,11 +208,7 @@ void Triangulate(const WideTrackOptions& options, int index, WideSide* side) {
 
 }  // namespace
 
-std::string WideTrackOptions::Check() const {
-  if (!(ratio > 0 && ratio <= 1)) return "ratio must be between 0 and 1";
-  if (!(max_distance > 0) || !(max_squared_error > 0) || !(max_depth_sigma > 0)) return "the limits must be positive";
-  return "";
-}
+std::string WideTrackOptions::Check() const { return CheckOptions(*this); }
 
 double WideSigma(const WideKeypoint& keypoint) {
   constexpr double kLeast = 0.8, kOfSize = 0.12;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/connecting/local_window.h"
 
 namespace mapmend {
@@ -57,6 +58,17 @@ struct WideTrackOptions {
   int num_before = 4;
   int max_size_change_between = 32;
 
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("ratio", ratio, Range(0, 1));
+    v("max_distance", max_distance, MoreThan(0), "sigma");
+    v("max_size_change", max_size_change, Range(0, 255), "1/16 octave");
+    v("max_squared_error", max_squared_error, MoreThan(0), "sigma^2");
+    v("max_depth_sigma", max_depth_sigma, MoreThan(0), "of the depth");
+    v("num_before", num_before, Range(1, 1000), "frames");
+    v("max_size_change_between", max_size_change_between, Range(0, 255), "1/16 octave");
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
 };
 

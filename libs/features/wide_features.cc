@@ -13,6 +13,8 @@
 #include <tmmintrin.h>
 #endif
 
+#include "libs/base/options.h"
+
 namespace mapmend {
 namespace {
 
@@ -54,12 +56,7 @@ std::vector<size_t> Ranked(const std::vector<cv::KeyPoint>& keypoints) {
 
 double WideKeypoint::SizePx() const { return std::exp2(size / kSizesPerOctave); }
 
-std::string WideExtractionOptions::Check() const {
-  if (max_features < 1 || max_features > 100000) return "max_features must be between 1 and 100000";
-  if (!(contrast_threshold > 0)) return "contrast_threshold must be positive";
-  if (!(max_megapixels > 0)) return "max_megapixels must be positive";
-  return "";
-}
+std::string WideExtractionOptions::Check() const { return CheckOptions(*this); }
 
 WideFeatures ExtractWideFeatures(const cv::Mat& grey, const cv::Mat* mask, const WideExtractionOptions& options) {
   cv::Mat image = grey, image_mask;

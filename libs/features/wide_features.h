@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "libs/base/range.h"
+
 namespace cv {
 class Mat;
 }  // namespace cv
@@ -40,7 +42,13 @@ struct WideExtractionOptions {
   double contrast_threshold = 0.025;  // of OpenCV's SIFT, whose 0.04 leaves too few on fields and asphalt
   double max_megapixels = 1.0;  // larger images are halved: SIFT doubles them again, and its cost is that of pixels
 
-  // Empty, or what is wrong.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("max_features", max_features, Range(1, 100000), "per image");
+    v("contrast_threshold", contrast_threshold, MoreThan(0));
+    v("max_megapixels", max_megapixels, MoreThan(0), "megapixels");
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
 };
 
@@ -64,6 +72,12 @@ struct WideMatch {
 struct WideMatchingOptions {
   double ratio = 0.8;     // of the distances to the nearest and to the second nearest (Lowe, IJCV 2004)
   double same_place = 5;  // pixels: the second nearest is another feature than one that near to the nearest
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("ratio", ratio, Range(0, 1));
+    v("same_place", same_place, AtLeast(0), "pixels");
+  }
 };
 
 // Matches of two images by descriptors alone, each the nearest of the other, ascending by a.

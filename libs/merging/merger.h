@@ -42,6 +42,7 @@ struct MergerOptions {
     v("search", search);
     v("graph", graph);
     v("refinement", refinement);
+    v("wide", wide);
   }
   // Empty, or one line that names the first option that is wrong.
   std::string Check() const;

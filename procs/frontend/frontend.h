@@ -48,6 +48,7 @@ struct FrontendOptions {
     v("keyframes", keyframes);
     v("diagnosis", diagnosis);
     v("publishing", publishing);
+    v("wide", wide);
     v("max_lost_frames", max_lost_frames, Range(1, 100000), "frames");
     v("relocalisation_frames", relocalisation_frames, Range(0, 100000), "frames");
     v("jump_found_share", jump_found_share, Range(0, 10), "of the points in view");
@@ -69,7 +70,8 @@ struct FrameOutcome {
   int num_inliers = 0;
   bool keyframe = false;
   SubmapId submap;
-  int submap_begin = -1;  // with this frame the submap is believed; its first frame (may be earlier). Else -1
+  bool is_uncertain = false;  // the submap that is believed with this frame has only the best beginning that there was
+  int submap_begin = -1;      // with this frame the submap is believed; its first frame (may be earlier). Else -1
   Rigid3 cam_from_submap;
   // Time spent. With a mapping thread, what tracking waited for it is in tracking_s.
   double tracking_s = 0, mapping_s = 0;
@@ -144,6 +146,7 @@ class Frontend {
   std::unique_ptr<WorkingMap> map_;  // null: no submap is tracked
   MotionModel motion_;
   LostFrames lost_;
+  bool begun_uncertain_ = false;
   int frames_since_start_ = 0;
   int last_keyframe_ = -1;
   int last_reference_ = -1;

@@ -366,9 +366,10 @@ void LocalMapper::AdjustLocal(int keyframe, WorkingMap* map, MapLock* lock) {
   for (size_t i = 0; i < by_weight.size() && i < static_cast<size_t>(options_.bundle_fixed_keyframes); ++i) {
     fixed.push_back(by_weight[i].second);
   }
-  // With fewer than two fixed keyframes the oldest free ones hold frame and scale.
+  // A submap that is young: its oldest keyframe holds the frame. What the first two are to each other is as uncertain
+  // as the rest; the scale, which nothing changes, needs no hold.
   std::sort(free.begin(), free.end());
-  while (fixed.size() < 2 && free.size() > 1) {
+  if (fixed.empty() && free.size() > 1) {
     fixed.push_back(free.front());
     free.erase(free.begin());
   }

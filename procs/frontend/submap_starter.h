@@ -4,6 +4,7 @@
 
 #include "libs/base/range.h"
 #include "libs/geometry/camera.h"
+#include "procs/frontend/initial_keyframes.h"
 #include "procs/frontend/initializer.h"
 #include "procs/frontend/keyframe_policy.h"
 #include "procs/frontend/local_mapper.h"
@@ -23,8 +24,8 @@ struct SubmapStarterOptions {
   }
 };
 
-// The beginning of a submap (paper §3.1, §3.2): two frames that see the same ground from different places become its
-// first keyframes; frames between and before them, which came without a pose, are tracked in it afterwards.
+// The beginning of a submap (paper §3.1, §3.2): frames that see the same ground from different places become its first
+// keyframes; others between and before them, which came without a pose, are tracked in it afterwards.
 class SubmapStarter {
  public:
   // tracker, policy, mapper and publisher must outlive the starter.
@@ -41,7 +42,7 @@ class SubmapStarter {
   // A frame without a pose. With success, Start makes a submap of the two frames.
   Initialization AddFrame(const FramePtr& frame) { return initializer_.AddFrame(frame); }
   // Null if bundle adjustment leaves too few points; then no id is used up. The frames with a pose are noted with the
-  // publisher: the two first, then others.
+  // publisher: the first keyframes, then others.
   std::unique_ptr<WorkingMap> Start(const Initialization& initialization, IdSource* ids);
   // Forgets all frames.
   void Clear() { initializer_.Clear(); }
@@ -49,9 +50,8 @@ class SubmapStarter {
   void NoteMistake(const FramePtr& first);
 
  private:
-  std::unique_ptr<WorkingMap> MapOf(const Initialization& initialization, IdSource* ids) const;
-  void TrackBetween(const Initialization& initialization, WorkingMap* map);
-  void TrackBefore(const Initialization& initialization, WorkingMap* map);
+  void TrackBetween(const Initialization& initialization, const InitialKeyframes& initial, WorkingMap* map);
+  void TrackBefore(const Initialization& initialization, const InitialKeyframes& initial, WorkingMap* map);
 
   SubmapStarterOptions options_;
   Pyramid pyramid_;

@@ -5,16 +5,12 @@
 #include <algorithm>
 #include <opencv2/core.hpp>
 
+#include "libs/base/options.h"
 #include "procs/frontend/profiler.h"
 
 namespace mapmend {
 
-std::string WideFeaturesOptions::Check() const {
-  if (num_keyframes < 0) return "num_keyframes must not be negative";
-  if (delay_frames < 0 || max_images < 0) return "delay_frames and max_images must not be negative";
-  if (const std::string e = extraction.Check(); !e.empty()) return "extraction: " + e;
-  return "";
-}
+std::string WideFeaturesOptions::Check() const { return CheckOptions(*this); }
 
 WideExtraction::~WideExtraction() {
   {

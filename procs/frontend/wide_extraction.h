@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "libs/base/range.h"
 #include "libs/features/wide_features.h"
 #include "libs/stream/records.h"
 #include "procs/frontend/frame.h"
@@ -29,7 +30,14 @@ struct WideFeaturesOptions {
   int max_images = 24;
   WideExtractionOptions extraction;
 
-  // Empty, or what is wrong.
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("num_keyframes", num_keyframes, Range(0, 100), "keyframes");
+    v("delay_frames", delay_frames, Range(0, 1e6), "frames");
+    v("max_images", max_images, Range(0, 100000), "frames");
+    v("extraction", extraction);
+  }
+  // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
 };
 
