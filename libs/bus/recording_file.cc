@@ -46,8 +46,10 @@ RecordingFile::Header RecordingFile::ReadHeader(int64_t offset) {
   uint8_t bytes[kHeaderBytes];
   file_.clear();
   file_.seekg(offset);
-  if (!file_.read(reinterpret_cast<char*>(bytes), kHeaderBytes)) return header;
-  header.has_sync = std::memcmp(bytes, kSync, sizeof(kSync)) == 0;
+  file_.read(reinterpret_cast<char*>(bytes), kHeaderBytes);
+  const auto num_read = static_cast<size_t>(file_.gcount());
+  header.has_sync = num_read > 0 && std::memcmp(bytes, kSync, std::min(num_read, sizeof(kSync))) == 0;
+  if (!file_) return header;  // the file ends in it
   header.utime = ReadNumber(bytes + 12, 8);
   header.channel_size = ReadNumber(bytes + 20, 4);
   header.data_size = ReadNumber(bytes + 24, 4);
