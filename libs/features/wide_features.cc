@@ -74,7 +74,9 @@ WideFeatures ExtractWideFeatures(const cv::Mat& grey, const cv::Mat* mask, const
       image_mask = smaller_mask;
     }
   }
-  const cv::Ptr<cv::SIFT> sift = cv::SIFT::create(options.max_features, 3, options.contrast_threshold);
+  // OpenCV chooses the strongest before it looks at the mask: then all must come, for enough to be left.
+  const int wanted = image_mask.empty() ? options.max_features : 0;
+  const cv::Ptr<cv::SIFT> sift = cv::SIFT::create(wanted, 3, options.contrast_threshold);
   std::vector<cv::KeyPoint> found;
   cv::Mat sifts;
   sift->detectAndCompute(image, image_mask, found, sifts);
