@@ -229,9 +229,8 @@ Initialization Initializer::TryPartners(const FramePtr& frame, int oldest, int n
 // its points at wrong depths, which no pose of a third explains.
 LossReason Initializer::Prove(const BeginningWindow& window, const std::vector<TwoViewCandidate>& candidates,
                               WindowAdjustment* winner) const {
-  WindowOptions window_options;
+  WindowOptions window_options = options_.window;
   window_options.max_sigma = options_.max_sigma;
-  window_options.points_per_pose = kBundlePoints;
   window_options.seed = options_.seed;
   std::vector<WindowAdjustment> rivals;
   for (const TwoViewCandidate& candidate : candidates) {

@@ -26,6 +26,7 @@ struct InitializerOptions {
   // ambiguous. That alone proves nothing (BeginningProof).
   double max_misfit_ratio = 0.8;
   double max_sigma = kChi2Dof95;  // reprojection error of an inlier, in sigma of its octave
+  WindowOptions window;
   BeginningProofOptions proof;
   // Time between frames that are tried, once one was refused for want of parallax: seconds, or a share of the time that
   // the frames have waited, if that is more. Earlier the parallax would hardly have grown.
@@ -44,6 +45,7 @@ struct InitializerOptions {
     v("ambiguity_ratio", ambiguity_ratio, Range(0, 1), "of the matches");
     v("max_misfit_ratio", max_misfit_ratio, Range(0, 1));
     v("max_sigma", max_sigma, MoreThan(0), "sigma");
+    v("window", window);
     v("proof", proof);
     v("min_retry_s", min_retry_s, AtLeast(0), "s");
     v("min_retry_share", min_retry_share, Range(0, 10), "of the time waited");
