@@ -238,7 +238,7 @@ void Salvage::TakeDecisions(std::vector<std::string>* lost) {
     if (is_whole) taken = std::move(decisions);
   }
   EdgeDecisions decisions(into_);
-  for (const EdgeDecision& decision : taken) decisions.Decide({{}, {decision}});
+  for (const EdgeDecision& decision : taken) decisions.Decide(EdgeRequest{Addressed(), {decision}});
   if (!is_whole) lost->push_back("decisions on connections are damaged: see `mapmend edges list`, and make them again");
 }
 
