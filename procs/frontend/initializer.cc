@@ -18,6 +18,8 @@ constexpr double kSameRotationRad = 0.02, kSameDirectionRad = 0.15;
 
 constexpr double kSameSigmas = 3;  // translations that differ by less than so many standard deviations are the same
 
+constexpr double kClearRatio = 0.67;  // of the squared errors to a rival's, to be certain at once
+
 constexpr double kFarAway = 1e4;  // baselines: stands for the depth of points that have none
 
 using Judged = TwoViewCandidate;
@@ -249,6 +251,9 @@ LossReason Initializer::Prove(const BeginningWindow& window, const std::vector<T
                    kSameSigmas * std::max(rivals[i].shape_sigma, winner->shape_sigma)))
       continue;  // one motion, as well as it is known
     if (options_.max_misfit_ratio * rivals[i].misfit < winner->misfit) return LossReason::kAmbiguous;
+    // Its covariance knows nothing of a rival: it has to be foretold.
+    if (kClearRatio * rivals[i].misfit < winner->misfit)
+      winner->shape_sigma = std::max(winner->shape_sigma, 2 * options_.proof.certain_sigma);
   }
   return LossReason::kNone;
 }
