@@ -8,7 +8,6 @@
 #include <set>
 #include <stdexcept>
 
-
 namespace mapmend {
 namespace {
 
