@@ -170,7 +170,12 @@ TEST(RevisionCodec, RefusesAHeadThatCannotBe) {
 }
 
 TEST(RevisionCodec, RefusesAPartThatCannotBe) {
-  const RevisionPart sound{7, 0, {{"s", SubmapId(1)}, {{KeyframeId(3), {}, 2}}, {{MapPointId(9), {4, 5, 6}}}, {}}};
+  RevisionPart sound;
+  sound.revision = 7;
+  sound.part = 0;
+  sound.submap.key = {"s", SubmapId(1)};
+  sound.submap.keyframes.push_back({KeyframeId(3), Rigid3(), 2});
+  sound.submap.points.push_back({MapPointId(9), Eigen::Vector3f(4, 5, 6)});
   const std::function<void(revision_part_t*)> changes[] = {
       [](revision_part_t* p) { p->revision = -1; },
       [](revision_part_t* p) { p->part = -1; },
