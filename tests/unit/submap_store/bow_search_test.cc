@@ -19,7 +19,7 @@ class BowSearchTest : public ::testing::Test {
     Fill("first", 3);
     Fill("second", 1);
     database_ = std::make_unique<Database>(path_, Database::Mode::kReadOnly);
-    search_ = std::make_unique<BowSearch>(database_.get());
+    search_ = std::make_unique<BowSearch>(BowSearchOptions(), database_.get());
     search_->Load();
   }
   void Fill(const std::string& session, int num_submaps) {

@@ -54,7 +54,7 @@ inline void FillWithMap(const std::string& path) {
     const auto bytes = Encode(part);
     revisions.StorePart(bytes.data(), static_cast<int>(bytes.size()));
   }
-  EdgeDecisions(&database).Decide({{}, {{connection.a, connection.b, true}}});
+  EdgeDecisions(&database).Decide(EdgeRequest{Addressed(), {{connection.a, connection.b, true}}});
   database.Sql().exec("PRAGMA wal_checkpoint(TRUNCATE)");
 }
 

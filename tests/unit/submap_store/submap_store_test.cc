@@ -103,7 +103,7 @@ TEST_F(SubmapStoreTest, FetchReturnsWhatWasPublishedInBoundedReplies) {
   for (const Record& record : records) Offer(record);
   Commit();
   std::vector<std::vector<uint8_t>> fetched;
-  FetchRequest request{{}, options_.session, 0, 1000, 20000};
+  FetchRequest request{Addressed(), options_.session, 0, 1000, 20000};
   while (fetched.size() < records.size()) {
     request.first_seq = static_cast<int64_t>(fetched.size());
     const FetchAnswer answer = store_->Fetch(request);
@@ -151,14 +151,11 @@ TEST_F(SubmapStoreTest, KeepsWideFeaturesOfSubmapsThatHaveEnded) {
   Commit();
   EXPECT_EQ(Cumulative(), static_cast<int64_t>(records.size()) - 1);
   EXPECT_EQ(store_->GetStatus(now_ms_).refused, 0);
-  fetch_t request{};
-  request.session = options_.session;
-  request.first_seq = request.last_seq = static_cast<int64_t>(records.size()) - 2;
-  request.max_bytes = 1;
-  const fetched_t reply = store_->Fetch(request);
-  ASSERT_EQ(reply.num_records, 1);
-  EXPECT_EQ(reply.channel[0], "MAPMEND_WIDE_FEATURES");
-  EXPECT_EQ(reply.data, EncodeRecord(records[records.size() - 2]).data);
+  const int64_t seq = static_cast<int64_t>(records.size()) - 2;
+  const FetchAnswer answer = store_->Fetch(FetchRequest{Addressed(), options_.session, seq, seq, 1});
+  ASSERT_EQ(answer.records.size(), 1u);
+  EXPECT_EQ(answer.records[0].channel, "MAPMEND_WIDE_FEATURES");
+  EXPECT_EQ(answer.records[0].data, EncodeRecord(records[records.size() - 2]).data);
   store_.reset();
   const std::vector<std::string> problems = CheckDb(folder_.File("map.db"));
   EXPECT_TRUE(problems.empty()) << problems.front();
@@ -280,7 +277,7 @@ TEST_F(SubmapStoreTest, TakesUpAClosedSessionAgainWhenItsFrontendHasMore) {
     Heartbeat(0, last_heard_of);
     Commit();
     now_ms_ += 5000;
-    const CloseRequest request{{}, options_.session};
+    const CloseRequest request{Addressed(), options_.session};
     ASSERT_EQ(store_->Close(request, now_ms_).status, CloseAnswer::Status::kOk);
     Open();
     Heartbeat(static_cast<int64_t>(num_before) - 3, static_cast<int64_t>(num_before) - 1);  // it knows less than we do
@@ -319,7 +316,7 @@ TEST_F(SubmapStoreTest, ClosesASessionWhoseFrontendDied) {
   for (size_t i = 0; i < 10; ++i) Offer(records[i]);
   Heartbeat(0, 9);
   Commit();
-  const CloseRequest request{{}, options_.session};
+  const CloseRequest request{Addressed(), options_.session};
   EXPECT_EQ(store_->Close(request, now_ms_).status, CloseAnswer::Status::kStillAlive);
   now_ms_ += 5000;
   EXPECT_EQ(store_->GetStatus(now_ms_).silent_sessions, 1);
@@ -334,7 +331,7 @@ TEST_F(SubmapStoreTest, ClosesASessionWhoseFrontendDied) {
 
 TEST_F(SubmapStoreTest, TellsHowFarASessionHasCome) {
   const auto records = MakeSyntheticStream(options_);
-  const ProgressRequest request{{}, options_.session};
+  const ProgressRequest request{Addressed(), options_.session};
   Open();
   EXPECT_EQ(store_->Progress(request).status, SessionProgress::Status::kUnknownSession);
   // What the answer must be after each record, from the records themselves.
@@ -430,7 +427,7 @@ TEST_F(SubmapStoreTest, DamagedMessagesOfAllKindsDoNoHarm) {
     return Decode<Message>(MutateMessage(Encode(message), &random)).value;
   };
   BowQuery query = QueryAsOf(KeyframeId(), -1);
-  FetchRequest fetch{{}, options_.session, 0, 100, 1000};
+  FetchRequest fetch{Addressed(), options_.session, 0, 100, 1000};
   StreamState state{options_.session, 0, -1, 0, false};
   for (size_t i = 0; i < records.size(); ++i) {
     for (int k = 0; k < 30; ++k) {
