@@ -26,7 +26,8 @@ void BeginningProof::Clear() {
 
 bool BeginningProof::Weigh(Initialization* beginning) {
   if (patience_ < 0) patience_ = 0;
-  if (beginning->shape_sigma <= options_.certain_sigma) return true;
+  const bool is_wide = beginning->median_angle_deg >= options_.certain_angle_deg;
+  if (is_wide && beginning->shape_sigma <= options_.certain_sigma) return true;
   if (beginning->shape_sigma <= options_.max_sigma) {
     const Votes votes = Ask(*beginning);
     if (votes.proves && votes.in_favour > votes.against) return true;

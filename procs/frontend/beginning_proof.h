@@ -13,6 +13,9 @@ struct BeginningProofOptions {
   // RelativeShapeSigma up to which a beginning is believed at once. Photos of a survey have 0.005 to 0.03, hand-held
   // video 0.06 to 0.2 under the same angles between rays.
   double certain_sigma = 0.03;
+  // ... if the median angle between its rays is at least this. Under smaller ones the second motion that explains flat
+  // ground may fit better than the true one, and its covariance knows nothing of the other.
+  double certain_angle_deg = 2.25;
   // Others have to be foretold, within this share of the baseline, by earlier ones with less parallax: by one that had
   // clearly less, and by more of them than foretold something else.
   double max_disagreement = 0.15;
@@ -25,6 +28,7 @@ struct BeginningProofOptions {
   template <typename Visitor>
   void Visit(Visitor& v) {
     v("certain_sigma", certain_sigma, AtLeast(0), "of the baseline");
+    v("certain_angle_deg", certain_angle_deg, Range(0, 90), "degrees");
     v("max_disagreement", max_disagreement, AtLeast(0), "of the baseline");
     v("min_growth", min_growth, AtLeast(1), "times the baseline");
     v("start_patience", start_patience, Range(0, 1e6), "frames");
