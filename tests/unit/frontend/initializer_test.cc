@@ -152,7 +152,7 @@ std::optional<double> ErrorOverFlatGround(const InitializerOptions& options, dou
 }
 
 // Two motions explain two images of a plane, and its shallow relief hardly tells them apart: what looks like the better
-// one is now and then off by more than the depth. The frames in between know.
+// one is now and then off by as much as the camera has moved. The frames in between know.
 TEST(Initializer, BeginningOverNearlyFlatGroundIsRightOrRefused) {
   InitializerOptions two_views;
   two_views.ambiguity_ratio = 0.9999;   // no rival comes near ...

@@ -142,7 +142,10 @@ TEST_F(SubmapStoreTest, KeepsWideFeaturesOfSubmapsThatHaveEnded) {
     wide.features.keypoints.resize(7, {{3, 4}, 20, 9});
     wide.features.descriptors.resize(7);
     wide.features.descriptors[2].fill(5);
-    records.push_back({{options_.session, static_cast<int64_t>(records.size()), 5}, wide});
+    Record record;
+    record.header = {options_.session, static_cast<int64_t>(records.size()), 5};
+    record.body = wide;
+    records.push_back(record);
     Offer(records.back());
   }
   end.header.seq = static_cast<int64_t>(records.size());
