@@ -103,7 +103,7 @@ TEST_F(OptionsProcessTest, WhatIsPrintedIsAFileOfTheDefaults) {
   const std::string file = Write("all.yaml", all.output);
   ASSERT_EQ(Processes().size(), 5u);
   for (const std::string& process : Processes()) {
-    EXPECT_THAT(all.output, HasSubstr("\n" + process + ":\n")) << process;
+    EXPECT_THAT("\n" + all.output, HasSubstr("\n" + process + ":\n")) << process;
     const CommandResult changes = Call(process, {"--config", file, "--print-changes"});
     EXPECT_EQ(changes.exit_code, 0);
     EXPECT_EQ(changes.output, "{}\n") << process;

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/unit/frontend/synthetic_flight.h"
 
 namespace mapmend {
@@ -23,6 +25,7 @@ class BeginningProofTest : public ::testing::Test {
     const Eigen::AngleAxisd turn(turned, Eigen::Vector3d::UnitY());
     beginning.second_from_first.translation = turn * beginning.second_from_first.translation;
     beginning.shape_sigma = sigma;
+    beginning.median_angle_deg = std::atan(baseline) * 180 / M_PI;  // the camera flies one unit above the ground
     const std::vector<Eigen::Vector3d> in_first = scene_.Shown(0), in_second = scene_.Shown(index);
     for (size_t i = 0; i < in_first.size(); ++i) {
       for (size_t j = 0; j < in_second.size(); ++j) {
@@ -43,6 +46,12 @@ TEST_F(BeginningProofTest, WhatIsCertainIsBelievedAtOnce) {
   Initialization beginning = Beginning(0.1, 0.02);
   EXPECT_TRUE(proof_.Weigh(&beginning));
   EXPECT_FALSE(beginning.is_uncertain);
+}
+
+TEST_F(BeginningProofTest, NothingIsCertainUnderASmallAngle) {
+  Initialization narrow = Beginning(0.03, 0.02), wide = Beginning(0.06, 0.02);
+  EXPECT_FALSE(proof_.Weigh(&narrow));
+  EXPECT_TRUE(proof_.Weigh(&wide));
 }
 
 TEST_F(BeginningProofTest, WhatForetellsAWiderOneProvesIt) {
