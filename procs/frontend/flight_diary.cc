@@ -58,14 +58,12 @@ void FlightDiary::OnFrame(const Frame& frame, const FrameOutcome& outcome) {
     submap_ = outcome.submap;
     if (any_submap_) SetFound(outcome.submap_begin);
     any_submap_ = true;
-    spdlog::info("frontend: submap {} begins with frame {}, seen at frame {} ({}){}", submap_.value,
-                 outcome.submap_begin, frame.index, FormatUtime(frame.utime),
-                 outcome.is_uncertain ? "; its beginning is uncertain, no better one came" : "");
+    spdlog::info("frontend: submap {} begins with frame {}, seen at frame {} ({})", submap_.value, outcome.submap_begin,
+                 frame.index, FormatUtime(frame.utime));
     events_->Add("submap", {{"frame", frame.index},
                             {"utime", frame.utime},
                             {"submap", submap_.value},
-                            {"first_frame", outcome.submap_begin},
-                            {"uncertain", outcome.is_uncertain}});
+                            {"first_frame", outcome.submap_begin}});
   }
   if (phase_ == Phase::kTracking) {
     last_frame_ = frame.index;

@@ -84,8 +84,7 @@ void Frontend::Begin(const Initialization& initialization, FrameOutcome* outcome
   for (const WorkingKeyframe& keyframe : map_->Keyframes()) wide_.OnKeyframe(keyframe.frame);
   frames_since_start_ = 0;
   lost_ = {};
-  begun_uncertain_ = initialization.is_uncertain;
-  last_keyframe_ = last_reference_ = static_cast<int>(initialization.between.size()) + 1;
+  last_keyframe_ = last_reference_ = 1;
   motion_.Clear();
   motion_.Add(initialization.second, false);
   outcome->state = FrontendState::kTracking;
@@ -147,10 +146,8 @@ FrameOutcome Frontend::OnTracked(const FramePtr& frame, const TrackResult& resul
       publisher_.PublishWaitingFrames(frame->utime, map_->Id(), mapping_ != nullptr);
   }
   outcome.cam_from_submap = frame->cam_from_submap;
-  if (!publisher_.Believed() && frames_since_start_ >= options_.confirm_frames) {
+  if (!publisher_.Believed() && frames_since_start_ >= options_.confirm_frames)
     outcome.submap_begin = Believe(frame->utime);
-    outcome.is_uncertain = begun_uncertain_;
-  }
   if (publisher_.Believed()) wide_.OnTracked(*map_);
   return outcome;
 }

@@ -70,8 +70,7 @@ struct FrameOutcome {
   int num_inliers = 0;
   bool keyframe = false;
   SubmapId submap;
-  bool is_uncertain = false;  // the submap that is believed with this frame has only the best beginning that there was
-  int submap_begin = -1;      // with this frame the submap is believed; its first frame (may be earlier). Else -1
+  int submap_begin = -1;  // with this frame the submap is believed; its first frame (may be earlier). Else -1
   Rigid3 cam_from_submap;
   // Time spent. With a mapping thread, what tracking waited for it is in tracking_s.
   double tracking_s = 0, mapping_s = 0;
@@ -146,7 +145,6 @@ class Frontend {
   std::unique_ptr<WorkingMap> map_;  // null: no submap is tracked
   MotionModel motion_;
   LostFrames lost_;
-  bool begun_uncertain_ = false;
   int frames_since_start_ = 0;
   int last_keyframe_ = -1;
   int last_reference_ = -1;

@@ -2,10 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <optional>
 
+#include "libs/geometry/pnp.h"
 #include "libs/geometry/triangulation.h"
 #include "libs/geometry/two_view.h"
 #include "libs/optim/bundle_adjustment.h"
+#include "libs/optim/pose_optimization.h"
 
 namespace mapmend {
 namespace {
@@ -15,10 +19,6 @@ constexpr int kNewFrames = 60;  // partners that are tried first
 constexpr double kMinRayAngleCos = 0.99999;  // 0.26 degrees: nearer to parallel a point has no usable depth
 constexpr int kBundlePoints = 150;           // of an image determine the motion in bundle adjustment
 constexpr double kSameRotationRad = 0.02, kSameDirectionRad = 0.15;
-
-constexpr double kSameSigmas = 3;  // translations that differ by less than so many standard deviations are the same
-
-constexpr double kClearRatio = 0.67;  // of the squared errors to a rival's, to be certain at once
 
 constexpr double kFarAway = 1e4;  // baselines: stands for the depth of points that have none
 
@@ -93,11 +93,10 @@ Judged Refine(const Pinhole& camera, const MatchedPixels& matches, Judged judged
   return judged;
 }
 
-// direction: radians between the translations that are the same in any case
-bool SameMotion(const Rigid3& a, const Rigid3& b, double direction = kSameDirectionRad) {
+bool SameMotion(const Rigid3& a, const Rigid3& b) {
   return RotationAngle(a.rotation * b.rotation.conjugate()) < kSameRotationRad &&
          std::acos(std::clamp(a.translation.normalized().dot(b.translation.normalized()), -1.0, 1.0)) <
-             std::max(direction, kSameDirectionRad);
+             kSameDirectionRad;
 }
 
 // The truly different motions, refined, those that explain most matches first.
@@ -123,59 +122,25 @@ std::vector<Judged> RankMotions(const Pinhole& camera, const MatchedPixels& matc
   return different;
 }
 
-MatchedPixels TakePixels(const Frame& first, const Frame& second, const std::vector<Match>& found,
-                         const Pyramid& pyramid) {
-  MatchedPixels matches;
-  for (const Match& m : found) {
-    const Keypoint &a = first.features.keypoints[m.a], &b = second.features.keypoints[m.b];
-    matches.first.push_back(a.pixel.cast<double>());
-    matches.second.push_back(b.pixel.cast<double>());
-    matches.sigma_first.push_back(pyramid.Sigma(a.octave));
-    matches.sigma_second.push_back(pyramid.Sigma(b.octave));
-  }
-  return matches;
-}
-
-double MedianShift(const MatchedPixels& matches) {
-  std::vector<double> shifts;
-  for (size_t i = 0; i < matches.first.size(); ++i) shifts.push_back((matches.first[i] - matches.second[i]).norm());
-  std::nth_element(shifts.begin(), shifts.begin() + shifts.size() / 2, shifts.end());
-  return shifts[shifts.size() / 2];
-}
-
-std::vector<TwoViewHypothesis> Propose(const Pinhole& camera, const MatchedPixels& matches, uint64_t seed) {
-  std::vector<Eigen::Vector2d> rays_first, rays_second;
-  for (size_t i = 0; i < matches.first.size(); ++i) {
-    rays_first.push_back(camera.Unproject(matches.first[i]).head<2>());
-    rays_second.push_back(camera.Unproject(matches.second[i]).head<2>());
-  }
-  return ProposeTwoViewMotions(rays_first, rays_second, 1.5 / camera.fx, seed);
-}
-
 }  // namespace
 
 void Initializer::DropBefore(const FramePtr& frame) {
-  proof_.Clear();
   while (!frames_.empty() && frames_.front() != frame) frames_.pop_front();
 }
 
 Initialization Initializer::AddFrame(const FramePtr& frame) {
   Initialization result;
   // At thirty frames a second the next frame tells no more than the one that was refused.
-  if (frame->utime < refused_utime_ + RetryInterval()) {
+  if (frame->utime < refused_utime_ + static_cast<int64_t>(1e6 * options_.min_retry_s)) {
     result.reason = refused_reason_;
     result.cause = refused_cause_;
   } else {
     // Among the newest first; a camera that turns on the spot may have its baseline to much older ones.
     const int n = static_cast<int>(frames_.size()), split = std::max(0, n - kNewFrames);
     result = TryPartners(frame, split, n - 1);
-    if (!result.is_plausible && split > 0) {
+    if (!result.success && split > 0) {
       const Initialization older = TryPartners(frame, 0, split - 1);
-      if (older.is_plausible || result.reason == LossReason::kTooFewMatches) result = older;
-    }
-    if (result.is_plausible && proof_.Weigh(&result)) {
-      result.success = true;
-      result.reason = result.cause = LossReason::kNone;
+      if (older.success || result.reason == LossReason::kTooFewMatches) result = older;
     }
     if (!result.success && result.reason != LossReason::kTooFewMatches) {
       refused_utime_ = frame->utime;
@@ -183,17 +148,9 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
       refused_cause_ = result.cause;
     }
   }
-  proof_.CountFrame();
   frames_.push_back(frame);
   while (static_cast<int>(frames_.size()) > options_.max_buffered_frames) frames_.pop_front();
   return result;
-}
-
-// The longer the frames wait already, the longer it takes until they show clearly more parallax.
-int64_t Initializer::RetryInterval() const {
-  const int64_t waited = frames_.empty() ? 0 : refused_utime_ - frames_.front()->utime;
-  return std::max(static_cast<int64_t>(1e6 * options_.min_retry_s),
-                  static_cast<int64_t>(options_.min_retry_share * static_cast<double>(waited)));
 }
 
 // The oldest partner of a range first: it has the widest baseline. If it shares too little with this frame, younger
@@ -212,7 +169,7 @@ Initialization Initializer::TryPartners(const FramePtr& frame, int oldest, int n
       if (j > i && (between.empty() || between.back() != frames_[j])) between.push_back(frames_[j]);
     }
     const Initialization attempt = Try(frames_[i], frame, between);
-    if (attempt.is_plausible) return attempt;
+    if (attempt.success) return attempt;
     if (result.reason == LossReason::kTooFewMatches) {
       result.reason = attempt.reason;
       if (attempt.cause != LossReason::kTooFewMatches) result.cause = attempt.cause;
@@ -226,83 +183,53 @@ Initialization Initializer::TryPartners(const FramePtr& frame, int oldest, int n
   return result;
 }
 
-// The motion that explains the window's frames clearly best, and how certain it is. Others that explain nearly as many
-// matches of the two views are adjusted with all frames as well: a wrong motion that fits two images nearly as well has
-// its points at wrong depths, which no pose of a third explains.
-LossReason Initializer::Prove(const BeginningWindow& window, const std::vector<TwoViewCandidate>& candidates,
-                              WindowAdjustment* winner) const {
-  WindowOptions window_options = options_.window;
-  window_options.max_sigma = options_.max_sigma;
-  window_options.seed = options_.seed;
-  std::vector<WindowAdjustment> rivals;
-  for (const TwoViewCandidate& candidate : candidates) {
-    if (static_cast<double>(candidate.Support()) <=
-        options_.ambiguity_ratio * static_cast<double>(candidates[0].Support()))
-      continue;
-    WindowAdjustment rival = AdjustWindow(window_options, camera_, pyramid_, window, candidate);
-    if (rival.success) rivals.push_back(std::move(rival));
-  }
-  if (rivals.empty()) return LossReason::kTooFewMatches;
-  const auto by_misfit = [](const WindowAdjustment& a, const WindowAdjustment& b) { return a.misfit < b.misfit; };
-  std::stable_sort(rivals.begin(), rivals.end(), by_misfit);
-  *winner = std::move(rivals[0]);
-  for (size_t i = 1; i < rivals.size(); ++i) {
-    if (SameMotion(rivals[i].other_from_first.back(), winner->other_from_first.back(),
-                   kSameSigmas * std::max(rivals[i].shape_sigma, winner->shape_sigma)))
-      continue;  // one motion, as well as it is known
-    if (options_.max_misfit_ratio * rivals[i].misfit < winner->misfit) return LossReason::kAmbiguous;
-    // Its covariance knows nothing of a rival: it has to be foretold.
-    if (kClearRatio * rivals[i].misfit < winner->misfit)
-      winner->shape_sigma = std::max(winner->shape_sigma, 2 * options_.proof.certain_sigma);
-  }
-  return LossReason::kNone;
-}
-
-// Poses and points of the window, with a median depth of 1; points that no two views fix are left out.
-void Initializer::TakeMap(const BeginningWindow& window, const WindowAdjustment& adjusted,
-                          Initialization* result) const {
-  const auto fits = [&](const Rigid3& pose, const Eigen::Vector3d& x, const Frame& frame, int feature) {
-    const Keypoint& keypoint = frame.features.keypoints[feature];
-    return ReprojectionChi2(camera_, pose, x, keypoint.pixel.cast<double>(), pyramid_.Sigma(keypoint.octave)) <=
-           options_.max_sigma * options_.max_sigma;
+// What a motion leaves unexplained in the two views and in frames between them: the sum of squared errors in sigma,
+// each cut off at the limit of an inlier, over all matches. A wrong motion that fits two images nearly as well has its
+// points at wrong depths, which no pose of a third explains.
+double Initializer::Misfit(const Frame& first, const Frame& second, const std::vector<Match>& found,
+                           const Judged& candidate, const std::vector<FramePtr>& between) const {
+  const double limit = options_.max_sigma * options_.max_sigma;
+  std::vector<std::optional<Eigen::Vector3d>> point_of(first.features.Size());
+  std::vector<int> features;
+  const auto add = [&](const std::vector<int>& of, const std::vector<Eigen::Vector3d>& at) {
+    for (size_t i = 0; i < of.size(); ++i) point_of[found[of[i]].a] = at[i];
   };
-  std::vector<std::vector<int>> seen(window.others.size(), std::vector<int>(window.first->features.Size(), -1));
-  for (size_t v = 0; v < window.others.size(); ++v) {
-    for (const Match& m : window.others[v].matches) seen[v][m.a] = m.b;
+  add(candidate.matches, candidate.points);
+  add(candidate.far_matches, candidate.far_points);
+  const auto misfit = [&](const Rigid3& pose, const Frame& frame, int a, int b) {
+    if (!point_of[a] || (pose * *point_of[a]).z() <= 0) return limit;
+    const Keypoint& keypoint = frame.features.keypoints[b];
+    return std::min(limit, ReprojectionChi2(camera_, pose, *point_of[a], keypoint.pixel.cast<double>(),
+                                            pyramid_.Sigma(keypoint.octave)));
+  };
+  double sum = 0;
+  for (const Match& m : found) {
+    sum += misfit({}, first, m.a, m.a) + misfit(candidate.second_from_first, second, m.a, m.b);
+    features.push_back(m.a);
   }
-  const Rigid3& second_from_first = adjusted.other_from_first.back();
-  std::vector<double> depths, cosines;
-  for (size_t v = 0; v + 1 < window.others.size(); ++v) {
-    if (adjusted.has_pose[v]) result->between.push_back({window.others[v].frame, adjusted.other_from_first[v], {}});
-  }
-  for (size_t i = 0; i < adjusted.features.size(); ++i) {
-    const int feature = adjusted.features[i];
-    const Eigen::Vector3d& x = adjusted.points[i];
-    if (x.z() <= 0 || !fits({}, x, *window.first, feature) ||
-        !fits(second_from_first, x, *result->second, seen.back()[feature]))
-      continue;
-    const double cosine = CosIntersectionAngle(x, Eigen::Vector3d::Zero(), second_from_first.Center());
-    if (cosine > kMinRayAngleCos) continue;
-    cosines.push_back(cosine);
-    depths.push_back(x.z());
-    result->points.push_back({feature, seen.back()[feature], x});
-    size_t view = 0;
-    for (size_t v = 0; v + 1 < window.others.size(); ++v) {
-      if (!adjusted.has_pose[v]) continue;
-      const int other = seen[v][feature];
-      const bool is_seen = other >= 0 && fits(adjusted.other_from_first[v], x, *window.others[v].frame, other);
-      result->between[view++].features.push_back(is_seen ? other : -1);
+  std::sort(features.begin(), features.end());
+  for (const FramePtr& frame : between) {
+    const std::vector<Match> matches = MatchBruteForce(first.features, frame->features, {}, features);
+    std::vector<Eigen::Vector3d> points;
+    std::vector<Eigen::Vector2d> pixels;
+    std::vector<double> sigmas;
+    std::vector<PoseObservation> observations;
+    for (const Match& m : matches) {
+      if (!point_of[m.a]) continue;
+      const Keypoint& keypoint = frame->features.keypoints[m.b];
+      points.push_back(*point_of[m.a]);
+      pixels.push_back(keypoint.pixel.cast<double>());
+      sigmas.push_back(pyramid_.Sigma(keypoint.octave));
+      observations.push_back({points.back(), pixels.back(), sigmas.back()});
     }
+    PnpOptions pnp_options;
+    pnp_options.seed = options_.seed;
+    const PnpResult pnp = SolvePnpRansac(camera_, points, pixels, sigmas, pnp_options);
+    const PoseOptimizationResult pose =
+        pnp.success ? OptimizePose(camera_, pnp.cam_from_world, observations, {}) : PoseOptimizationResult();
+    for (const Match& m : matches) sum += pose.success ? misfit(pose.cam_from_world, *frame, m.a, m.b) : limit;
   }
-  if (depths.empty()) return;
-  std::nth_element(depths.begin(), depths.begin() + depths.size() / 2, depths.end());
-  std::nth_element(cosines.begin(), cosines.begin() + cosines.size() / 2, cosines.end());
-  const double scale = 1.0 / depths[depths.size() / 2];
-  result->median_angle_deg = std::acos(std::clamp(cosines[cosines.size() / 2], -1.0, 1.0)) * 180 / M_PI;
-  result->second_from_first = second_from_first;
-  result->second_from_first.translation *= scale;
-  for (InitialPoint& p : result->points) p.position *= scale;
-  for (InitialView& view : result->between) view.from_first.translation *= scale;
+  return sum;
 }
 
 Initialization Initializer::Try(const FramePtr& first, const FramePtr& second,
@@ -314,28 +241,74 @@ Initialization Initializer::Try(const FramePtr& first, const FramePtr& second,
   const std::vector<Match> found = MatchBruteForce(first->features, second->features, match_options);
   result.reason = LossReason::kTooFewMatches;
   if (static_cast<int>(found.size()) < options_.min_matches) return result;
-  const MatchedPixels matches = TakePixels(*first, *second, found, pyramid_);
+
+  MatchedPixels matches;
+  std::vector<Eigen::Vector2d> rays_first, rays_second;
+  std::vector<double> shifts;
+  for (const Match& m : found) {
+    const Keypoint &a = first->features.keypoints[m.a], &b = second->features.keypoints[m.b];
+    matches.first.push_back(a.pixel.cast<double>());
+    matches.second.push_back(b.pixel.cast<double>());
+    matches.sigma_first.push_back(pyramid_.Sigma(a.octave));
+    matches.sigma_second.push_back(pyramid_.Sigma(b.octave));
+    rays_first.push_back(camera_.Unproject(matches.first.back()).head<2>());
+    rays_second.push_back(camera_.Unproject(matches.second.back()).head<2>());
+    shifts.push_back((matches.first.back() - matches.second.back()).norm());
+  }
+  std::nth_element(shifts.begin(), shifts.begin() + shifts.size() / 2, shifts.end());
   result.reason = LossReason::kNoParallax;
   result.cause = LossReason::kNoMotion;
-  if (MedianShift(matches) < options_.min_motion * camera_.width) return result;
+  if (shifts[shifts.size() / 2] < options_.min_motion * camera_.width) return result;
 
-  const std::vector<TwoViewCandidate> candidates =
-      RankMotions(camera_, matches, Propose(camera_, matches, options_.seed), options_.max_sigma);
+  const std::vector<Judged> candidates =
+      RankMotions(camera_, matches, ProposeTwoViewMotions(rays_first, rays_second, 1.5 / camera_.fx, options_.seed),
+                  options_.max_sigma);
   result.reason = LossReason::kTooFewMatches;
   result.cause = LossReason::kNoCommonMotion;
   const int min_support = std::max(options_.min_points, options_.min_matches / 2);
   if (candidates.empty() || static_cast<int>(candidates[0].Support()) < min_support) return result;
-  const BeginningWindow window = MakeBeginningWindow(first, second, found, between);
-  WindowAdjustment winner;
-  result.reason = result.cause = Prove(window, candidates, &winner);
-  if (result.reason != LossReason::kNone) return result;
-  TakeMap(window, winner, &result);
-  result.shape_sigma = winner.shape_sigma;
+  // Other motions that explain nearly as much: frames between the two must tell.
+  std::vector<int> rivals;
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    const auto support = static_cast<double>(candidates[i].Support());
+    if (support > options_.ambiguity_ratio * static_cast<double>(candidates[0].Support()))
+      rivals.push_back(static_cast<int>(i));
+  }
+  int winner = 0;
+  if (rivals.size() > 1) {
+    double least = std::numeric_limits<double>::infinity(), second_least = least;
+    for (const int i : rivals) {
+      const double misfit = Misfit(*first, *second, found, candidates[i], between);
+      if (misfit < least) {
+        second_least = least;
+        least = misfit;
+        winner = i;
+      } else {
+        second_least = std::min(second_least, misfit);
+      }
+    }
+    result.reason = result.cause = LossReason::kAmbiguous;
+    if (options_.max_misfit_ratio * second_least < least) return result;
+  }
+  const Judged& best = candidates[winner];
   result.reason = result.cause = LossReason::kNoParallax;
-  if (static_cast<int>(result.points.size()) < options_.min_points ||
-      result.median_angle_deg < options_.min_median_angle_deg)
+  if (static_cast<int>(best.matches.size()) < options_.min_points ||
+      best.median_angle_deg < options_.min_median_angle_deg) {
     return result;
-  result.is_plausible = true;
+  }
+  std::vector<double> depths;
+  for (const Eigen::Vector3d& x : best.points) depths.push_back(x.z());
+  std::nth_element(depths.begin(), depths.begin() + depths.size() / 2, depths.end());
+  const double scale = 1.0 / depths[depths.size() / 2];
+  result.second_from_first = best.second_from_first;
+  result.second_from_first.translation *= scale;
+  for (size_t i = 0; i < best.matches.size(); ++i) {
+    const Match& m = found[best.matches[i]];
+    result.points.push_back({m.a, m.b, best.points[i] * scale});
+  }
+  result.success = true;
+  result.reason = LossReason::kNone;
+  result.cause = LossReason::kNone;
   return result;
 }
 

@@ -366,10 +366,9 @@ void LocalMapper::AdjustLocal(int keyframe, WorkingMap* map, MapLock* lock) {
   for (size_t i = 0; i < by_weight.size() && i < static_cast<size_t>(options_.bundle_fixed_keyframes); ++i) {
     fixed.push_back(by_weight[i].second);
   }
-  // A submap that is young: its oldest keyframe holds the frame. What the first two are to each other is as uncertain
-  // as the rest; the scale, which nothing changes, needs no hold.
+  // With fewer than two fixed keyframes the oldest free ones hold frame and scale.
   std::sort(free.begin(), free.end());
-  if (fixed.empty() && free.size() > 1) {
+  while (fixed.size() < 2 && free.size() > 1) {
     fixed.push_back(free.front());
     free.erase(free.begin());
   }

@@ -73,10 +73,6 @@ int Run(int argc, char** argv) {
   app.add_option("--first-frame", options.first_frame, "of a file: those before are passed over")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--vehicle", options.vehicle, "name of the vehicle, for the record");
-  app.add_option("--start-patience", options.frontend.starter.initializer.proof.start_patience,
-                 "frames that a map that fits waits until it is proved; then it begins, uncertain")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
   app.add_option("--lost-frames", options.frontend.max_lost_frames,
                  "consecutive frames without orientation that end a submap")
       ->capture_default_str();

@@ -25,7 +25,6 @@ constexpr const char* kToldApart[] = {"num_features",
                                       "relocalisation_frames",
                                       "keyframes.min_shared",
                                       "wide.num_keyframes",
-                                      "starter.initializer.proof.start_patience",
                                       "tracker.min_inliers",
                                       "mapper.bundle_keyframes"};
 
@@ -57,8 +56,6 @@ std::string ToJson(const RunOptions& options) {
       {"min_inliers", f.tracker.min_inliers},
       {"bundle_keyframes", f.mapper.bundle_keyframes},
   };
-  if (f.starter.initializer.proof.start_patience != BeginningProofOptions().start_patience)
-    json["start_patience"] = f.starter.initializer.proof.start_patience;
   if (options.every != 1) json["every"] = options.every;
   if (options.start_s > 0) json["start_s"] = options.start_s;
   if (std::isfinite(options.end_s)) json["end_s"] = options.end_s;

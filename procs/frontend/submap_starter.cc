@@ -4,44 +4,65 @@
 #include <utility>
 
 namespace mapmend {
+namespace {
+
+constexpr int kFirst = 0, kSecond = 1;  // keyframes of a submap that has just begun
+
+}  // namespace
+
+std::unique_ptr<WorkingMap> SubmapStarter::MapOf(const Initialization& initialization, IdSource* ids) const {
+  auto map = std::make_unique<WorkingMap>(SubmapId(ids->next_submap), pyramid_, ids);
+  const FramePtr &first = initialization.first, &second = initialization.second;
+  first->points.assign(first->features.Size(), -1);
+  second->points.assign(second->features.Size(), -1);
+  first->cam_from_submap = Rigid3();
+  second->cam_from_submap = initialization.second_from_first;
+  map->AddKeyframe(first);
+  map->AddKeyframe(second);
+  for (const InitialPoint& p : initialization.points) {
+    const int point = map->AddPoint(p.position, kFirst);
+    map->AddObservation(point, kFirst, p.first_feature);
+    map->AddObservation(point, kSecond, p.second_feature);
+    map->RefreshPoint(point);
+  }
+  mapper_->AdjustAll(map.get());
+  return map;
+}
 
 std::unique_ptr<WorkingMap> SubmapStarter::Start(const Initialization& initialization, IdSource* ids) {
   const IdSource ids_before = *ids;
-  auto map = std::make_unique<WorkingMap>(SubmapId(ids->next_submap), pyramid_, ids);
-  const InitialKeyframes initial = AddInitialKeyframes(initialization, map.get());
-  mapper_->AdjustAll(map.get());
+  std::unique_ptr<WorkingMap> map = MapOf(initialization, ids);
   if (map->NumPoints() < options_.initializer.min_points) {
     *ids = ids_before;
     return nullptr;
   }
   ++ids->next_submap;
   publisher_->Begin();
-  for (int k = initial.first; k <= initial.second; ++k) publisher_->NoteFrame(*map, *map->Keyframe(k).frame, k);
-  TrackBetween(initialization, initial, map.get());
-  TrackBefore(initialization, initial, map.get());
+  publisher_->NoteFrame(*map, *initialization.first, kFirst);
+  publisher_->NoteFrame(*map, *initialization.second, kSecond);
+  TrackBetween(initialization, map.get());
+  TrackBefore(initialization, map.get());
   return map;
 }
 
-void SubmapStarter::TrackBetween(const Initialization& initialization, const InitialKeyframes& initial,
-                                 WorkingMap* map) {
+void SubmapStarter::TrackBetween(const Initialization& initialization, WorkingMap* map) {
   const std::deque<FramePtr>& frames = initializer_.Frames();
   auto at = std::find(frames.begin(), frames.end(), initialization.first);
   for (at = at == frames.end() ? at : at + 1; at != frames.end(); ++at) {
-    if (IsInitialView(initialization, **at)) continue;
-    const TrackResult result = tracker_->TrackAfterwards({initial.first, initial.second}, map, at->get());
+    if (*at == initialization.second) continue;
+    const TrackResult result = tracker_->TrackAfterwards({kFirst, kSecond}, map, at->get());
     if (result.success) publisher_->NoteFrame(*map, **at, result.reference_keyframe);
   }
 }
 
 // Backwards: the frame next to those with a pose saw most of their ground.
-void SubmapStarter::TrackBefore(const Initialization& initialization, const InitialKeyframes& initial,
-                                WorkingMap* map) {
+void SubmapStarter::TrackBefore(const Initialization& initialization, WorkingMap* map) {
   const std::deque<FramePtr>& frames = initializer_.Frames();
   auto at = std::make_reverse_iterator(std::find(frames.begin(), frames.end(), initialization.first));
-  int hint = initial.first, misses = 0;
+  int hint = kFirst, misses = 0;
   for (; at != frames.rend() && misses < options_.max_misses; ++at) {
     const FramePtr& frame = *at;
-    if (IsInitialView(initialization, *frame)) continue;
+    if (frame == initialization.second) continue;
     const TrackResult result = tracker_->TrackAfterwards({hint}, map, frame.get());
     misses = result.success ? 0 : misses + 1;
     if (!result.success) continue;

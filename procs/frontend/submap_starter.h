@@ -4,7 +4,6 @@
 
 #include "libs/base/range.h"
 #include "libs/geometry/camera.h"
-#include "procs/frontend/initial_keyframes.h"
 #include "procs/frontend/initializer.h"
 #include "procs/frontend/keyframe_policy.h"
 #include "procs/frontend/local_mapper.h"
@@ -24,8 +23,8 @@ struct SubmapStarterOptions {
   }
 };
 
-// The beginning of a submap (paper §3.1, §3.2): frames that see the same ground from different places become its first
-// keyframes; others between and before them, which came without a pose, are tracked in it afterwards.
+// The beginning of a submap (paper §3.1, §3.2): two frames that see the same ground from different places become its
+// first keyframes; frames between and before them, which came without a pose, are tracked in it afterwards.
 class SubmapStarter {
  public:
   // tracker, policy, mapper and publisher must outlive the starter.
@@ -42,7 +41,7 @@ class SubmapStarter {
   // A frame without a pose. With success, Start makes a submap of the two frames.
   Initialization AddFrame(const FramePtr& frame) { return initializer_.AddFrame(frame); }
   // Null if bundle adjustment leaves too few points; then no id is used up. The frames with a pose are noted with the
-  // publisher: the first keyframes, then others.
+  // publisher: the two first, then others.
   std::unique_ptr<WorkingMap> Start(const Initialization& initialization, IdSource* ids);
   // Forgets all frames.
   void Clear() { initializer_.Clear(); }
@@ -50,8 +49,9 @@ class SubmapStarter {
   void NoteMistake(const FramePtr& first);
 
  private:
-  void TrackBetween(const Initialization& initialization, const InitialKeyframes& initial, WorkingMap* map);
-  void TrackBefore(const Initialization& initialization, const InitialKeyframes& initial, WorkingMap* map);
+  std::unique_ptr<WorkingMap> MapOf(const Initialization& initialization, IdSource* ids) const;
+  void TrackBetween(const Initialization& initialization, WorkingMap* map);
+  void TrackBefore(const Initialization& initialization, WorkingMap* map);
 
   SubmapStarterOptions options_;
   Pyramid pyramid_;

@@ -46,7 +46,6 @@ std::vector<std::string> FrontendArguments(const RunOptions& options, const std:
   add_number("--max-dimension", options.max_dimension);
   add_number("--lost-frames", options.lost_frames);
   add_number("--relocalisation-frames", options.relocalisation_frames);
-  add_number("--start-patience", options.start_patience);
   return argv;
 }
 

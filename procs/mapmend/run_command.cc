@@ -28,9 +28,6 @@ void AddFlightOptions(CLI::App* sub, RunOptions* options) {
                   "features per frame (default: 1000 up to one megapixel, 2000 above)");
   sub->add_option("--max-dimension", options->max_dimension,
                   "larger images are scaled down to this width or height, pixels; 0: never (default: 0)");
-  sub->add_option("--start-patience", options->start_patience,
-                  "frames that a map that fits waits until it is proved; then it begins, uncertain (default: 30)")
-      ->check(CLI::NonNegativeNumber);
   sub->add_option("--lost-frames", options->lost_frames,
                   "consecutive frames without orientation that end a submap (default: 3)")
       ->check(CLI::Range(1, 100000));

@@ -49,7 +49,6 @@ std::string SessionOf(const RunOptions& options) {
   for (const auto& number : {options.lost_frames, options.relocalisation_frames}) {
     if (number) text += "|" + std::to_string(*number);
   }
-  if (options.start_patience) text += "|start_patience" + std::to_string(*options.start_patience);
   for (const auto& [name, number] : {std::pair("start", options.start), std::pair("end", options.end)}) {
     if (number) text += std::string("|") + name + std::to_string(*number);
   }

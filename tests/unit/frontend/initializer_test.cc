@@ -66,7 +66,7 @@ TEST(Initializer, SmallStepsWithTurnsAreRightOrRefused) {
     Initializer initializer({}, scene.Camera(), {});
     std::vector<Rigid3> poses;
     Initialization result;
-    for (int i = 0; i < 7; ++i) {  // so many that the parallax doubles after it is enough for a first beginning
+    for (int i = 0; i < 4; ++i) {
       poses.push_back(Rigid3(Eigen::Quaterniond(Eigen::AngleAxisd(0.035 * i, axis)), i * step) * NadirPose(0, 0));
       result = initializer.AddFrame(scene.View(poses.back(), i));
       if (result.success) break;
@@ -110,9 +110,8 @@ TEST(Initializer, FindsThePartnerThatSharesEnough) {
 
 // How a beginning over nearly flat ground, seen obliquely from a camera that moves little and turns, compares with the
 // truth: the error of the cameras' centres, of the depth, after alignment of the points. None: it was refused.
-//   every  of five frames only each so manyth: with 2, two views of half the baseline and nothing in between
-std::optional<double> ErrorOverFlatGround(const InitializerOptions& options, double relief, double baseline, int trial,
-                                          int every = 1) {
+std::optional<double> ErrorOverFlatGround(const InitializerOptions& options, double relief, double baseline,
+                                          int trial) {
   constexpr double kTilt = 0.5, kNoise = 0.5;
   constexpr int kFrames = 5;
   SyntheticScene scene(2500, -2, 2, relief, 500 + trial);
@@ -129,8 +128,7 @@ std::optional<double> ErrorOverFlatGround(const InitializerOptions& options, dou
   for (int i = 0; i < kFrames && !result.success; ++i) {
     const Eigen::Quaterniond turned(tilt * Eigen::AngleAxisd(turn * i, axis));
     poses.push_back(Rigid3(turned, Eigen::Vector3d::Zero()) * NadirPose(i * step.x(), i * step.y()));
-    const FramePtr frame = scene.View(poses.back(), i, kNoise);
-    if (i % every == 0) result = initializer.AddFrame(frame);
+    result = initializer.AddFrame(scene.View(poses.back(), i, kNoise));
   }
   if (!result.success) return std::nullopt;
   const Rigid3 &first = poses[result.first->index], &second = poses[result.second->index];
@@ -152,12 +150,10 @@ std::optional<double> ErrorOverFlatGround(const InitializerOptions& options, dou
 }
 
 // Two motions explain two images of a plane, and its shallow relief hardly tells them apart: what looks like the better
-// one is now and then off by as much as the camera has moved. The frames in between know.
+// one is now and then off by more than the depth. The frames in between know.
 TEST(Initializer, BeginningOverNearlyFlatGroundIsRightOrRefused) {
   InitializerOptions two_views;
-  two_views.ambiguity_ratio = 0.9999;   // no rival comes near ...
-  two_views.proof.certain_sigma = 1e9;  // ... and nothing has to be proved
-  two_views.proof.certain_angle_deg = 0;
+  two_views.ambiguity_ratio = 2;  // no rival comes near: nothing is asked of frames in between
   int refused = 0, wrong_by_two_views = 0;
   constexpr int kTrials = 16;
   for (const auto& [relief, baseline] : {std::pair(0.01, 0.12), std::pair(0.03, 0.08)}) {
@@ -168,8 +164,7 @@ TEST(Initializer, BeginningOverNearlyFlatGroundIsRightOrRefused) {
       } else {
         ++refused;
       }
-      // Off by more than half of what the camera has moved.
-      wrong_by_two_views += ErrorOverFlatGround(two_views, relief, baseline, trial, 2).value_or(0) > 0.25 * baseline;
+      wrong_by_two_views += ErrorOverFlatGround(two_views, relief, baseline, trial).value_or(0) > 0.5;
     }
   }
   EXPECT_LE(refused, 2 * kTrials / 3);
