@@ -3,9 +3,9 @@
 
     tidy.py BUILD_FOLDER [COMMIT]
 
-The commit is the argument, else the environment's MAPMEND_TIDY_BASE, else where this branch left origin/main, else (also
-on main itself) the one before the last. Exit codes: 0, 1, 77 if clang-tidy or the history is not here. At most 20 files
-are looked at, and none is begun after six minutes, so that it ends soon; what is left out is told.
+The commit is the argument, else the environment's MAPMEND_TIDY_BASE (origin/main before a change is sent), else the
+one before the last. Exit codes: 0, 1, 77 if clang-tidy or the history is not here. At most 20 files are looked at, and
+none is begun after six minutes, so that it ends soon; what is left out is told.
 """
 
 import os
@@ -30,9 +30,6 @@ def base(root, argument, environment):
     """The commit to compare with; None if there is none."""
     if asked := argument or environment:
         return git(root, "rev-parse", "--verify", "--quiet", asked + "^{commit}")
-    left = git(root, "merge-base", "HEAD", "origin/main")
-    if left and left != git(root, "rev-parse", "HEAD"):
-        return left
     return git(root, "rev-parse", "--verify", "--quiet", "HEAD~1")
 
 
