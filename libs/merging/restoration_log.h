@@ -15,10 +15,8 @@ struct RestorableSubmap {
   SubmapKey key;
   int64_t begin_utime = 0;  // of its first keyframe ...
   int begin_frame = -1;
-  bool ended = false;  // tracking of it
-  int64_t end_utime = 0;
-  int end_frame = -1;      // the last one with a pose
-  std::string end_reason;  // see submap_t.lcm
+  bool ended = false;     // tracking of it
+  int64_t end_utime = 0;  // of its last frame with a pose
 };
 
 // Two submaps that an accepted connection joins, from the first keyframe of the younger one on that is a connected

@@ -12,8 +12,6 @@ RestorableSubmap Describe(const SnapshotSubmap& submap) {
   restorable.begin_frame = submap.frames.front().frame;
   restorable.ended = submap.submap->ended;
   restorable.end_utime = submap.frames.back().utime;
-  restorable.end_frame = submap.frames.back().frame;
-  restorable.end_reason = submap.submap->end_reason;
   return restorable;
 }
 

@@ -77,7 +77,7 @@ class NineSubmaps : public ::testing::Test {
     std::vector<RestorableSubmap> submaps;
     for (const auto& [id, submap] : sessions_.at("s").submaps) {
       const SubmapKeyframe &first = submap.keyframes.begin()->second, &last = submap.keyframes.rbegin()->second;
-      submaps.push_back({{"s", id}, first.utime, first.frame, true, last.utime, last.frame, "too_few_matches"});
+      submaps.push_back({{"s", id}, first.utime, first.frame, true, last.utime});
     }
     return submaps;
   }
@@ -134,7 +134,7 @@ TEST_F(NineSubmaps, WithoutConnectionsStayOnTheStack) {
 }
 
 RestorableSubmap Lasting(const char* session, int64_t begin, int64_t end) {
-  return {{session, SubmapId(0)}, begin, 0, true, end, 0, "blur"};
+  return {{session, SubmapId(0)}, begin, 0, true, end};
 }
 
 // Two vehicles in the air at a time: both are tracked; what the second one is connected with need not be lost.
