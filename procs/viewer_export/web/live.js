@@ -51,7 +51,7 @@ function show(s) {
 // L1: maps that tracking has left and that are not recovered yet; L2: the map being tracked.
 function showRestoration(steps) {
   const head = element("tr");
-  head.append(...["Frame", "", "L1", "L2"].map(text => element("th", "", text)));
+  head.append(element("th", "n", "Frame"), ...["", "L1", "L2"].map(text => element("th", "", text)));
   at("restoration").replaceChildren(head, ...steps.map(step => {
     const row = element("tr");
     row.append(element("td", "n", step.frame < 0 ? "–" : String(step.frame)), element("td", "", step.event),
