@@ -37,6 +37,7 @@ Frontend::Frontend(const FrontendOptions& options, const Pinhole& camera, const 
       keyframes_(options.keyframes),
       publisher_(options.publishing, vocabulary, std::move(emit)),
       starter_(options.starter, camera, pyramid, &tracker_, &keyframes_, &mapper_, &publisher_),
+      relocaliser_(options.relocaliser, vocabulary),
       wide_(options.wide),
       motion_(options.motion) {
   if (!options.mapping_thread) return;
@@ -115,6 +116,10 @@ TrackResult Frontend::Track(Frame* frame) {
   for (int k = last_keyframe_; k >= std::max(0, last_keyframe_ - 2); --k) {
     if (k != last_reference_) hints.push_back(k);
   }
+  if (options_.relocalise_only && lost_.Count() >= options_.max_lost_frames) {
+    const std::vector<int> alike = relocaliser_.Candidates(*map_, *frame);
+    hints.insert(hints.end(), alike.begin(), alike.end());
+  }
   const std::optional<Rigid3> prediction = lost_.Count() == 0 ? motion_.Predict(frame->utime) : std::nullopt;
   TrackResult result = tracker_.Track(prediction, hints, map_.get(), frame);
   if (result.success && prediction && motion_.IsJump(*frame, MedianDepth(*frame)) &&
@@ -178,12 +183,17 @@ FrameOutcome Frontend::OnLost(const FramePtr& frame, LossReason reason) {
   outcome.reason = outcome.cause = diagnosis_.OfTracking(*frame, motion_, reason);
   if (lost_.Count() == 0) lost_.reason = outcome.reason;
   lost_.frames.push_back(frame);
+  ++lost_.count;
   if (!publisher_.Believed()) {
     const LossReason cause = diagnosis_.OfGivingUp(outcome.cause);
     AbandonSubmap();
     outcome = Initialise(frame);
     outcome.abandoned = cause;
     if (outcome.cause != LossReason::kNone) outcome.cause = cause;
+    return outcome;
+  }
+  if (options_.relocalise_only) {
+    WaitToRelocalise();
     return outcome;
   }
   if (lost_.Count() == 1) starter_.Clear();
@@ -195,6 +205,12 @@ FrameOutcome Frontend::OnLost(const FramePtr& frame, LossReason reason) {
     Begin(initialization, &outcome);
   }
   return outcome;
+}
+
+void Frontend::WaitToRelocalise() {
+  if (lost_.Count() < options_.max_lost_frames) return;
+  num_losses_ += lost_.Count() == options_.max_lost_frames;
+  lost_.frames.clear();  // what lies before the place where it is found again stays missing
 }
 
 bool Frontend::NeedsKeyframe(const Frame& frame, const TrackResult& result) const {
@@ -255,6 +271,7 @@ void Frontend::CloseSubmap(LossReason reason, const std::string& detail) {
 void Frontend::LeaveSubmap() {
   map_.reset();
   wide_.OnLeft();
+  relocaliser_.Clear();
   motion_.Clear();
   lost_ = {};
 }

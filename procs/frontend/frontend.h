@@ -14,6 +14,7 @@
 #include "procs/frontend/mapping_thread.h"
 #include "procs/frontend/motion_model.h"
 #include "procs/frontend/record_publisher.h"
+#include "procs/frontend/relocaliser.h"
 #include "procs/frontend/submap_starter.h"
 #include "procs/frontend/tracker.h"
 #include "procs/frontend/wide_requests.h"
@@ -31,6 +32,10 @@ struct FrontendOptions {
   LossDiagnosisOptions diagnosis;
   RecordPublisherOptions publishing;
   WideFeaturesOptions wide;
+  RelocaliserOptions relocaliser;
+  // After a loss no new submap is begun: the camera waits until it sees the map again, as with ORB-SLAM2. The baseline
+  // of the paper (§4).
+  bool relocalise_only = false;
   int max_lost_frames = 3;         // consecutive frames without orientation: the submap is closed (paper §3.2)
   int relocalisation_frames = 10;  // further frames in which the submap may be found again before it is closed
   double jump_found_share = 0.15;  // of the points in view that must be found to believe a jump
@@ -49,6 +54,8 @@ struct FrontendOptions {
     v("diagnosis", diagnosis);
     v("publishing", publishing);
     v("wide", wide);
+    v("relocaliser", relocaliser);
+    v("relocalise_only", relocalise_only);
     v("max_lost_frames", max_lost_frames, Range(1, 100000), "frames");
     v("relocalisation_frames", relocalisation_frames, Range(0, 100000), "frames");
     v("jump_found_share", jump_found_share, Range(0, 10), "of the points in view");
@@ -105,9 +112,10 @@ class Frontend {
   // Frames that failed since the last one that was tracked.
   struct LostFrames {
     std::vector<FramePtr> frames;
+    int count = 0;  // also of those that are not kept any more
     // The first frame tells best why tracking was lost: after a gap or a dark spell the next ones look well.
     LossReason reason = LossReason::kNone;
-    int Count() const { return static_cast<int>(frames.size()); }
+    int Count() const { return count; }
   };
 
   FrameOutcome Initialise(const FramePtr& frame);
@@ -115,6 +123,8 @@ class Frontend {
   TrackResult Track(Frame* frame);
   FrameOutcome OnTracked(const FramePtr& frame, const TrackResult& result);
   FrameOutcome OnLost(const FramePtr& frame, LossReason reason);
+  // Of a believed submap, with relocalise_only.
+  void WaitToRelocalise();
   // Starts a submap if initialisation has succeeded, and says so in the outcome of its second frame.
   void Begin(const Initialization& initialization, FrameOutcome* outcome);
   // Frames that failed before one that was tracked may be seen from there.
@@ -139,6 +149,7 @@ class Frontend {
   KeyframePolicy keyframes_;
   RecordPublisher publisher_;
   SubmapStarter starter_;
+  Relocaliser relocaliser_;
   WideRequests wide_;
   IdSource ids_;
 

@@ -79,6 +79,8 @@ int Run(int argc, char** argv) {
   app.add_option("--relocalisation-frames", options.frontend.relocalisation_frames,
                  "further frames in which a lost submap may be found again")
       ->capture_default_str();
+  app.add_flag("--relocalise-only", options.frontend.relocalise_only,
+               "after a loss begin no new submap, but wait until the camera sees the map again, as ORB-SLAM2 does");
   app.add_option("--wide-keyframes", options.frontend.wide.num_keyframes,
                  "first and last keyframes of a submap whose SIFT features are kept, for gaps that ORB cannot bridge; "
                  "0: none")

@@ -229,7 +229,7 @@ FrontendRun::FrontendRun(const RunOptions& options, std::unique_ptr<ImageSource>
       camera_(ScaledToFit(input_camera_, options.max_dimension)),
       vocabulary_(Vocabulary::Read(options.vocabulary_path)),
       orb_(OrbFor(options, camera_)),
-      wants_wide_(options.frontend.wide.num_keyframes > 0),
+      wants_wide_(options.frontend.wide.num_keyframes > 0 && !options.frontend.relocalise_only),
       maker_(input_camera_, camera_, orb_, MaskFor(options, camera_), wants_wide_),
       session_(SessionFor(options)),
       bus_(ResolveLcmUrl(options.process.lcm_url), options.process.channel_prefix),

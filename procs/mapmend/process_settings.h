@@ -31,6 +31,9 @@ class ProcessSettings {
   // Adds the two flags to a command that starts these processes. The object must outlive the command.
   void AddFlags(CLI::App* sub, const std::vector<std::string>& processes);
 
+  // As --set NAME=VALUE does. Before Resolve.
+  void Set(const std::string& setting) { given_.push_back({false, setting}); }
+
   // Asks the processes. Throws UsageError with the first mistake in one line. Call once, before anything is started.
   void Resolve();
 

@@ -35,6 +35,15 @@ void AddFlightOptions(CLI::App* sub, RunOptions* options) {
          "--relocalisation-frames", options->relocalisation_frames,
          "further frames in which a lost submap may be found again, unless a new one begins before (default: 10)")
       ->check(CLI::Range(0, 100000));
+  sub->add_option_function<std::string>(
+         "--mode",
+         [options](const std::string& mode) {
+           if (mode == "relocalise-only") options->settings.Set("frontend.relocalise_only=true");
+         },
+         "after a loss: submaps begins a new one at once; relocalise-only waits until the camera sees the map again, "
+         "as "
+         "ORB-SLAM2 does, for comparison (default: submaps)")
+      ->check(CLI::IsMember({"submaps", "relocalise-only"}));
   sub->add_option("--seed", options->seed, "of everything random; the same seed gives the same map (default: 1)");
   const auto lockstep = std::make_shared<bool>(false);
   auto* lockstep_flag = sub->add_flag(

@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+#include "libs/retrieval/vocabulary.h"
 #include "libs/stream/submap.h"
 #include "tests/unit/frontend/synthetic_flight.h"
 
@@ -19,8 +20,8 @@ namespace {
 // Runs the frontend and applies its records to the read model that everything downstream uses.
 struct Replay {
   explicit Replay(const SyntheticScene& scene, bool mapping_thread = false) : Replay(scene, Options(mapping_thread)) {}
-  Replay(const SyntheticScene& scene, const FrontendOptions& options)
-      : frontend(options, scene.Camera(), {}, nullptr, [this](int64_t utime, RecordBody body) {
+  Replay(const SyntheticScene& scene, const FrontendOptions& options, const Vocabulary* vocabulary = nullptr)
+      : frontend(options, scene.Camera(), {}, vocabulary, [this](int64_t utime, RecordBody body) {
           const std::string error = session.Apply({{"test", next_seq++, utime}, std::move(body)});
           EXPECT_EQ(error, "");
         }) {
@@ -76,6 +77,30 @@ TEST_P(FrontendThreads, LossClosesTheSubmapAndTheNextBeginsWithTheFirstLostFrame
   EXPECT_EQ(run.session.submaps.begin()->second.frames.size(), 12u);
   EXPECT_EQ(run.session.submaps.begin()->second.last_frame, 11);
   EXPECT_EQ(run.session.submaps.rbegin()->second.frames.size(), 12u);
+}
+
+// What the paper compares with: nothing is mapped until the camera is back where it has been, and then the one submap
+// goes on. It comes back to its beginning, far from the keyframes that it was lost after.
+TEST_P(FrontendThreads, RelocaliseOnlyWaitsUntilTheMapIsSeenAgain) {
+  const Vocabulary vocabulary = Vocabulary::Read(MAPMEND_SOURCE_DIR "/data/vocabulary/mapmend.voc");
+  SyntheticScene scene(30000, -2, 14, 0.1, 2);
+  FrontendOptions options = Replay::Options(GetParam());
+  options.relocalise_only = true;
+  Replay run(scene, options, &vocabulary);
+  int index = 0;
+  for (int i = 0; i < 24; ++i) run.frontend.ProcessFrame(scene.View(NadirPose(0.12 * i, 0), index++));
+  for (int i = 0; i < 30; ++i) {
+    const FrameOutcome outcome = run.frontend.ProcessFrame(scene.View(NadirPose(8 + 0.12 * i, 8), index++));
+    EXPECT_EQ(outcome.state, FrontendState::kLost);
+  }
+  for (int i = 0; i < 6; ++i) {
+    const FrameOutcome outcome = run.frontend.ProcessFrame(scene.View(NadirPose(0.06 + 0.12 * i, 0.05), index++));
+    EXPECT_EQ(outcome.state, FrontendState::kTracking) << i;
+  }
+  run.frontend.Finish();
+  ASSERT_EQ(run.session.submaps.size(), 1u);
+  EXPECT_EQ(run.session.submaps.begin()->second.frames.size(), 30u);
+  EXPECT_EQ(run.frontend.NumLosses(), 1);
 }
 
 TEST_P(FrontendThreads, ShortBlackoutContinuesTheSameSubmap) {
