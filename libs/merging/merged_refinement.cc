@@ -93,7 +93,7 @@ ReprojectionStatistics MeasureWithPoses(const std::vector<MergedKeyframe>& keyfr
   return statistics;
 }
 
-// Best similarity from a raw submap to the merged map, by its points.
+// Similarity from a raw submap to the merged map that fits most of its points.
 std::optional<Similarity3> FitSubmap(const MergedMap& map, int submap) {
   std::vector<Eigen::Vector3d> raw, merged;
   for (const MergedPoint& point : map.points) {
@@ -106,7 +106,7 @@ std::optional<Similarity3> FitSubmap(const MergedMap& map, int submap) {
     add(point.first);
     std::for_each(point.fused.begin(), point.fused.end(), add);
   }
-  return HornAlignment(raw, merged);
+  return RobustAlignment(raw, merged);
 }
 
 void TransformMap(const Similarity3& new_from_old, MergedMap* map) {

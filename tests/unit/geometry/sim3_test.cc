@@ -59,6 +59,70 @@ TEST(HornAlignment, NeverReflects) {
   EXPECT_NEAR(HornAlignment(a, b)->rotation.toRotationMatrix().determinant(), 1, 1e-12);
 }
 
+TEST(HornAlignment, WeightsCountLikeRepetition) {
+  std::mt19937_64 random(11);
+  std::vector<Eigen::Vector3d> a, b, repeated_a, repeated_b;
+  std::vector<double> weights;
+  for (int i = 0; i < 10; ++i) {
+    a.push_back(RandomVector(&random, 3));
+    b.push_back(Truth() * a.back() + RandomVector(&random, 0.3));
+    weights.push_back(1 + i % 3);
+    for (int k = 0; k <= i % 3; ++k) {
+      repeated_a.push_back(a.back());
+      repeated_b.push_back(b.back());
+    }
+  }
+  const Similarity3 weighted = *HornAlignment(a, b, weights), repeated = *HornAlignment(repeated_a, repeated_b);
+  EXPECT_NEAR(weighted.scale, repeated.scale, 1e-12);
+  EXPECT_LT((weighted.translation - repeated.translation).norm(), 1e-12);
+}
+
+// Points of a submap, and where a refinement has moved them: errors in proportion to the distance.
+struct MovedPoints {
+  std::vector<Eigen::Vector3d> a, b;
+
+  explicit MovedPoints(double error) {
+    std::mt19937_64 random(12);
+    for (int i = 0; i < 300; ++i) {
+      a.push_back(RandomVector(&random, 3) * (i % 10 == 0 ? 10 : 1));
+      b.push_back(Truth() * (a.back() + RandomVector(&random, error * a.back().norm())));
+    }
+  }
+};
+
+TEST(RobustAlignment, IsExactOnExactPoints) {
+  const MovedPoints points(0);
+  const Similarity3 fit = *RobustAlignment(points.a, points.b);
+  EXPECT_NEAR(fit.scale, Truth().scale, 1e-12);
+  EXPECT_LT((fit.translation - Truth().translation).norm(), 1e-11);
+}
+
+TEST(RobustAlignment, OnePointFarAwayDoesNotDecide) {
+  MovedPoints points(0.01);
+  points.b[17] = Truth() * (points.a[17] * 3000);  // nearly parallel rays
+  EXPECT_GT(HornAlignment(points.a, points.b)->scale / Truth().scale, 2);
+  const Similarity3 fit = *RobustAlignment(points.a, points.b);
+  EXPECT_NEAR(fit.scale / Truth().scale, 1, 0.005);
+  EXPECT_LT(RotationAngle(fit.rotation * Truth().rotation.conjugate()), 0.003);
+  const Similarity3 back = *RobustAlignment(points.b, points.a);
+  EXPECT_NEAR(back.scale * fit.scale, 1, 0.001) << "the far point may be on either side";
+}
+
+TEST(RobustAlignment, AThirdOfThePointsMayBeAnywhere) {
+  MovedPoints points(0.01);
+  std::mt19937_64 random(13);
+  for (size_t i = 0; i < points.b.size(); i += 3) points.b[i] = RandomVector(&random, 50);
+  const Similarity3 fit = *RobustAlignment(points.a, points.b);
+  EXPECT_NEAR(fit.scale / Truth().scale, 1, 0.01);
+  EXPECT_LT(RotationAngle(fit.rotation * Truth().rotation.conjugate()), 0.01);
+}
+
+TEST(RobustAlignment, RefusesWhatDeterminesNothing) {
+  EXPECT_FALSE(RobustAlignment({{0, 0, 0}, {1, 1, 1}, {2, 2, 2}}, {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}));
+  EXPECT_FALSE(RobustAlignment({{1, 1, 1}, {1, 1, 1}, {1, 1, 1}}, {{0, 0, 0}, {1, 0, 0}, {0, 2, 0}}));
+  EXPECT_FALSE(RobustAlignment({}, {}));
+}
+
 // A scene seen in front of one camera of each submap.
 struct Scene {
   Pinhole camera{600, 620, 320, 240, 640, 480};
