@@ -173,6 +173,7 @@ std::vector<std::string> NearestNames(const std::string& name, const std::vector
   if (const std::string nearest = NearestWord(name, names); !nearest.empty()) return {nearest};
   // The last part misspelt, and the groups left out.
   std::vector<std::string> last_parts;
+  last_parts.reserve(names.size());
   for (const std::string& candidate : names) last_parts.push_back(LastPart(candidate));
   const std::string nearest = NearestWord(LastPart(name), last_parts);
   for (size_t i = 0; i < names.size() && !nearest.empty() && found.size() < kMost; ++i) {
@@ -252,14 +253,17 @@ void OptionList::Set(const std::string& name, const std::string& text, const std
     return;
   }
   std::vector<std::string> names;
+  names.reserve(options_.size());
   for (const Option& option : options_) {
     if (option.name.starts_with(name + "."))
       throw OptionError(prefix + name + ": is a group of options, such as " + prefix + option.name);
     names.push_back(option.name);
   }
   std::string meant;
-  for (const std::string& nearest : NearestNames(name, names))
-    meant += (meant.empty() ? "" : " or ") + prefix + nearest;
+  for (const std::string& nearest : NearestNames(name, names)) {
+    if (!meant.empty()) meant += " or ";
+    meant.append(prefix).append(nearest);
+  }
   throw OptionError(prefix + name + ": no such option" + (meant.empty() ? "" : "; did you mean " + meant + "?"));
 }
 

@@ -103,6 +103,7 @@ bool SameMotion(const Rigid3& a, const Rigid3& b) {
 std::vector<Judged> RankMotions(const Pinhole& camera, const MatchedPixels& matches,
                                 const std::vector<TwoViewHypothesis>& hypotheses, double max_sigma) {
   std::vector<Judged> candidates;
+  candidates.reserve(hypotheses.size());
   for (const TwoViewHypothesis& h : hypotheses) {
     candidates.push_back(Judge(camera, matches, h.second_from_first, 2 * max_sigma));
   }

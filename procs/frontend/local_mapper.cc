@@ -148,6 +148,7 @@ int LocalMapper::TriangulateWith(int keyframe, int neighbour, double near, doubl
   const Eigen::Matrix3d R = b_from_a.rotation.toRotationMatrix();
   const double max_cosine = std::cos(options_.min_angle_deg * M_PI / 180);
   std::vector<double> limits;  // from the epipolar line, pixels, per octave
+  limits.reserve(pyramid_.num_levels);
   for (int octave = 0; octave < pyramid_.num_levels; ++octave) limits.push_back(kChi1Dof95 * pyramid_.Sigma(octave));
   struct Candidate {
     int distance = -1, feature = -1;
@@ -297,6 +298,7 @@ void LocalMapper::FuseWithOverlapping(int keyframe, const std::vector<int>& neig
     candidates.resize(options_.max_overlapping_keyframes);
   }
   std::vector<int> overlapping;
+  overlapping.reserve(candidates.size());
   for (const Overlapping& c : candidates) overlapping.push_back(c.keyframe);
   const std::vector<int> theirs = map->PointsOf(overlapping), own = map->PointsOf(keyframe);
   std::vector<int> points;
