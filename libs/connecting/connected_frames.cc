@@ -5,12 +5,11 @@
 #include <limits>
 #include <map>
 #include <set>
-#include <unordered_set>
 
 #include "libs/base/options.h"
 #include "libs/base/text_format.h"
-#include "libs/connecting/guided_projection.h"
 #include "libs/connecting/window_matching.h"
+#include "libs/connecting/window_search.h"
 
 namespace mapmend {
 namespace {
@@ -18,83 +17,6 @@ namespace {
 CrossObservation MakeObservation(const Eigen::Vector3d& point, const SubmapView& target, const SubmapKeyframe& keyframe,
                                  const Eigen::Vector2f& pixel, int octave) {
   return {point, keyframe.cam_from_submap, target.camera, pixel.cast<double>(), target.pyramid.Sigma(octave)};
-}
-
-// Everything a window knows of its map points: each point as the earliest keyframe of the window sees it.
-struct WindowAppearance {
-  std::vector<PointAppearance> points;
-  std::vector<Eigen::Quaterniond> rotations;
-};
-
-WindowAppearance Describe(const SubmapView& view, const KeyframeWindow& window) {
-  WindowAppearance result;
-  std::unordered_set<MapPointId> seen;
-  std::vector<PointAppearance> all;
-  for (size_t i = 0; i < window.size(); ++i) {
-    result.rotations.push_back(window[i]->cam_from_submap.rotation);
-    all.clear();
-    AppendAppearances(view, *window[i], static_cast<int>(i), &all);
-    for (PointAppearance& p : all) {
-      if (seen.insert(p.id).second) result.points.push_back(p);
-    }
-  }
-  return result;
-}
-
-// One side of a pair: the keyframe asked about first, then its window. Appearances and grids are made when they are
-// needed.
-struct Side {
-  SubmapView view;
-  KeyframeWindow window;
-  WindowAppearance appearance = {};
-  std::vector<FeatureGrid> grids = {};
-
-  void Prepare(int num_searched) {
-    if (!grids.empty()) return;
-    appearance = Describe(view, window);
-    for (size_t i = 0; i < window.size() && i < static_cast<size_t>(num_searched); ++i) {
-      grids.emplace_back(window[i]->features.keypoints, view.camera.width, view.camera.height);
-    }
-  }
-};
-
-struct Sides {
-  Side a, b;
-  bool same_submap = false;
-};
-
-struct GuidedMatches {
-  std::vector<CrossMatch> matches;
-  int num_expected = 0, num_found = 0;  // in the first keyframe of the window
-};
-
-// Points of the source looked for in the first keyframes of the target window, as many as there are grids.
-GuidedMatches SearchWindow(const Side& source, const Similarity3& target_from_source, const Side& target, double radius,
-                           bool same_submap, const ConnectedFramesOptions& options) {
-  ProjectionSearchOptions search;
-  search.radius = radius;
-  search.max_distance = options.guided_max_distance;
-  search.ratio = options.guided_ratio;
-  search.octave_tolerance = options.octave_tolerance;
-  search.max_turn = options.max_turn_deg * M_PI / 180;
-  GuidedMatches result;
-  for (size_t j = 0; j < target.grids.size(); ++j) {
-    const SubmapKeyframe& keyframe = *target.window[j];
-    const Similarity3 cam_from_source = Similarity3(keyframe.cam_from_submap) * target_from_source;
-    const ProjectionMatches found = FindByProjection(
-        source.appearance.points, source.appearance.rotations, cam_from_source, target.view.camera, target.view.pyramid,
-        keyframe.features.keypoints, keyframe.features.descriptors, target.grids[j], search);
-    for (const ProjectionMatch& m : found.matches) {
-      const MapPointId point = source.appearance.points[m.appearance].id;
-      if (same_submap && keyframe.map_points[m.feature] == point) continue;
-      const Keypoint& keypoint = keyframe.features.keypoints[m.feature];
-      result.matches.push_back({point, keyframe.id, m.feature, keypoint.octave, keypoint.pixel});
-      if (j == 0) ++result.num_found;
-    }
-    // From far above there are fewer features than points to be seen: a feature is one point at most.
-    if (j == 0) result.num_expected = std::min(found.num_visible, found.num_reachable);
-  }
-  return result;
 }
 
 // Evenly chosen elements, at most so many, as they will be kept.
@@ -166,15 +88,10 @@ int CellsNeeded(double zoom, const ConnectedFramesOptions& options) {
   return std::min(options.min_cells, std::max(options.min_cells_of_zoomed, share));
 }
 
-// From matches that agree in scale and turn to a transform, and what speaks for it.
-ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* sides,
-                              const ConnectedFramesOptions& options) {
-  Side &side_a = sides->a, &side_b = sides->b;
-  const SubmapView &a = side_a.view, &b = side_b.view;
-  const SubmapKeyframe &frame_a = *side_a.window[0], &frame_b = *side_b.window[0];
-  ConnectedFrames result;
-  result.num_matches = static_cast<int>(matches.size());
+std::vector<PointMatch> PointMatches(const std::vector<PooledMatch>& matches, const Sides& sides) {
+  const SubmapView &a = sides.a.view, &b = sides.b.view;
   std::vector<PointMatch> point_matches;
+  point_matches.reserve(matches.size());
   for (const PooledMatch& m : matches) {
     const Keypoint &in_a = m.keyframe_a->features.keypoints[m.feature_a],
                    &in_b = m.keyframe_b->features.keypoints[m.feature_b];
@@ -183,6 +100,114 @@ ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* si
                              MakeObservation(b.submap->points.at(m.point_b).position.cast<double>(), a, *m.keyframe_a,
                                              in_a.pixel, in_a.octave)});
   }
+  return point_matches;
+}
+
+// What random sampling has found, refined on its inliers.
+Similarity3 RefineSeeds(const std::vector<PointMatch>& matches, const Sim3RansacResult& ransac,
+                        const Sim3RefinementOptions& options) {
+  CrossObservations seeds;
+  for (size_t i = 0; i < matches.size(); ++i) {
+    if (!ransac.is_inlier[i]) continue;
+    seeds.a_in_b.push_back(matches[i].a_in_b);
+    seeds.b_in_a.push_back(matches[i].b_in_a);
+  }
+  const Sim3RefinementResult refined = RefineSim3(seeds, ransac.b_from_a, options);
+  return refined.success ? refined.b_from_a : ransac.b_from_a;
+}
+
+// Guided matching with a transform and refinement on what it finds, again and again: each search is narrower and
+// better aimed.
+struct GuidedSearchRounds {
+  const ConnectedFramesOptions& options;
+  Sides* sides;
+  Similarity3 b_from_a;
+  Sim3RefinementResult refined = {};
+  int num_expected = 0, num_found = 0;  // of the map points that the two keyframes should see of each other's
+  double zoom = 1;                      // size of things in the image of b, of those in a's
+
+  // False if too few inliers are left. Keeps the matches that are inliers in the result.
+  //   factor  of the search radius
+  bool Search(double factor, int min_inliers, ConnectedFrames* result) {
+    const SubmapView &a = sides->a.view, &b = sides->b.view;
+    const SubmapKeyframe &frame_a = sides->a.Asked(), &frame_b = sides->b.Asked();
+    const double radius = factor * options.search_radius;
+    const GuidedMatches in_b = SearchWindow(sides->a, b_from_a, sides->b, radius, sides->same_submap, options);
+    const GuidedMatches in_a =
+        SearchWindow(sides->b, b_from_a.Inverse(), sides->a, radius, sides->same_submap, options);
+    refined = RefineSim3(ResolveMatches(a, b, in_b.matches, in_a.matches), b_from_a, options.refinement);
+    result->num_inliers = refined.num_inliers;
+    if (!refined.success || refined.num_inliers < min_inliers) return false;
+    b_from_a = refined.b_from_a;
+    zoom = b_from_a.scale * MedianDepth(*a.submap, frame_a) * b.camera.fx /
+           (MedianDepth(*b.submap, frame_b) * a.camera.fx);
+    result->wanted = {ZoomedWindow(1 / zoom, options), ZoomedWindow(zoom, options)};
+    result->a_in_b = Select(in_b.matches, refined.inlier_a_in_b);
+    result->b_in_a = Select(in_a.matches, refined.inlier_b_in_a);
+    num_expected = in_a.num_expected + in_b.num_expected;
+    num_found = 0;
+    for (const CrossMatch& m : result->a_in_b) num_found += m.keyframe == frame_b.id;
+    for (const CrossMatch& m : result->b_in_a) num_found += m.keyframe == frame_a.id;
+    return true;
+  }
+};
+
+// Common points and their angle, and how much of what should be seen is found.
+void Measure(const GuidedSearchRounds& search, ConnectedFrames* result) {
+  const SubmapView &a = search.sides->a.view, &b = search.sides->b.view;
+  result->b_from_a = search.b_from_a;
+  result->information = search.refined.information;
+  result->median_error_px = search.refined.median_error_px;
+  result->match_rate = search.num_expected > 0 ? static_cast<double>(search.num_found) / search.num_expected : 0;
+  result->common_points = CommonPoints(*result, *a.submap, *b.submap);
+  std::vector<Eigen::Vector3d> common_in_b;
+  for (const auto& [point_a, point_b] : result->common_points)
+    common_in_b.push_back(b.submap->points.at(point_b).position.cast<double>());
+  result->median_angle_rad = MedianIntersectionAngle(search.b_from_a * search.sides->a.Asked().cam_from_submap.Center(),
+                                                     search.sides->b.Asked().cam_from_submap.Center(), common_in_b);
+}
+
+// Whether that is enough to believe it, and why (not).
+void Judge(const GuidedSearchRounds& search, ConnectedFrames* result) {
+  const ConnectedFramesOptions& options = search.options;
+  const Side &side_a = search.sides->a, &side_b = search.sides->b;
+  const int each_way = static_cast<int>(std::min(result->a_in_b.size(), result->b_in_a.size()));
+  const int cells = std::min(CountCells(result->b_in_a, side_a.Asked(), side_a.view.camera),
+                             CountCells(result->a_in_b, side_b.Asked(), side_b.view.camera));
+  const int cells_needed = CellsNeeded(search.zoom, options);
+  const double scale = std::max(search.b_from_a.scale, 1 / search.b_from_a.scale);
+  if (each_way < options.min_inliers_each_way) {
+    result->reason = Format("%d inliers, but only %d in one of the two directions (%d needed)", result->num_inliers,
+                            each_way, options.min_inliers_each_way);
+  } else if (static_cast<int>(result->common_points.size()) < options.min_common_points) {
+    result->reason = Format("%d inliers, but only %zu map points in common (%d needed)", result->num_inliers,
+                            result->common_points.size(), options.min_common_points);
+  } else if (cells < cells_needed) {
+    result->reason =
+        Format("the %d inliers cover only %d of 48 image cells (%d needed)", result->num_inliers, cells, cells_needed);
+  } else if (result->match_rate < options.min_match_rate) {
+    result->reason = Format("only %.0f %% of the %d map points that should be seen are found (%.0f %% needed)",
+                            100 * result->match_rate, search.num_expected, 100 * options.min_match_rate);
+  } else if (result->median_error_px > options.max_median_error) {
+    result->reason =
+        Format("median reprojection error %.1f px (at most %.1f)", result->median_error_px, options.max_median_error);
+  } else if (scale > options.max_scale) {
+    result->reason =
+        Format("the submaps' scales would differ by a factor of %.1f (at most %.1f)", scale, options.max_scale);
+  } else {
+    result->success = true;
+    result->reason = Format(
+        "%d reprojections agree (median %.2f px, %.0f %% of those expected), %zu common points, %d cells",
+        result->num_inliers, result->median_error_px, 100 * result->match_rate, result->common_points.size(), cells);
+  }
+}
+
+// From matches that agree in scale and turn to a transform, and what speaks for it.
+ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* sides,
+                              const ConnectedFramesOptions& options) {
+  ConnectedFrames result;
+  result.num_matches = static_cast<int>(matches.size());
+  const std::vector<PointMatch> point_matches = PointMatches(matches, *sides);
   const Sim3RansacResult ransac = EstimateSim3(point_matches, options.ransac);
   result.num_ransac_inliers = ransac.num_inliers;
   if (!ransac.success) {
@@ -190,94 +215,23 @@ ConnectedFrames TryHypothesis(const std::vector<PooledMatch>& matches, Sides* si
                            result.num_matches, ransac.num_inliers, options.ransac.min_inliers);
     return result;
   }
-  Similarity3 b_from_a = ransac.b_from_a;
-  {
-    CrossObservations seeds;
-    for (size_t i = 0; i < point_matches.size(); ++i) {
-      if (!ransac.is_inlier[i]) continue;
-      seeds.a_in_b.push_back(point_matches[i].a_in_b);
-      seeds.b_in_a.push_back(point_matches[i].b_in_a);
-    }
-    const Sim3RefinementResult refined = RefineSim3(seeds, b_from_a, options.refinement);
-    if (refined.success) b_from_a = refined.b_from_a;
-  }
-
-  // Guided matching with the transform and refinement on what it finds, again and again: each search is narrower and
-  // better aimed. Few seeds aim badly.
-  side_a.Prepare(options.num_searched);
-  side_b.Prepare(options.num_searched);
+  sides->a.Prepare(options.num_searched);
+  sides->b.Prepare(options.num_searched);
+  GuidedSearchRounds search{options, sides, RefineSeeds(point_matches, ransac, options.refinement)};
   std::vector<double> factors = {1.0, 0.5};
-  if (ransac.num_inliers < options.min_good_seeds) factors.insert(factors.begin(), 2.0);
-  Sim3RefinementResult refined;
-  int num_expected = 0, num_found = 0;
-  double zoom = 1;  // size of things in the image of b, of those in a's
+  if (ransac.num_inliers < options.min_good_seeds) factors.insert(factors.begin(), 2.0);  // few seeds aim badly
   for (size_t round = 0; round < factors.size(); ++round) {
-    const double radius = factors[round] * options.search_radius;
-    const GuidedMatches in_b = SearchWindow(side_a, b_from_a, side_b, radius, sides->same_submap, options);
-    const GuidedMatches in_a = SearchWindow(side_b, b_from_a.Inverse(), side_a, radius, sides->same_submap, options);
-    const CrossObservations observations = ResolveMatches(a, b, in_b.matches, in_a.matches);
-    refined = RefineSim3(observations, b_from_a, options.refinement);
-    result.num_inliers = refined.num_inliers;
     const int needed = round + 1 == factors.size() ? options.min_inliers : options.min_inliers / 2;
-    if (!refined.success || refined.num_inliers < needed) {
-      result.reason =
-          Format("%d of %d map points agree on a transform, but projecting the rest finds only %d (%d needed)",
-                 ransac.num_inliers, result.num_matches, refined.num_inliers, options.min_inliers);
-      return result;
-    }
-    b_from_a = refined.b_from_a;
-    zoom = b_from_a.scale * MedianDepth(*a.submap, frame_a) * b.camera.fx /
-           (MedianDepth(*b.submap, frame_b) * a.camera.fx);
-    result.wanted = {ZoomedWindow(1 / zoom, options), ZoomedWindow(zoom, options)};
-    result.a_in_b = Select(in_b.matches, refined.inlier_a_in_b);
-    result.b_in_a = Select(in_a.matches, refined.inlier_b_in_a);
-    num_expected = in_a.num_expected + in_b.num_expected;
-    num_found = 0;
-    for (const CrossMatch& m : result.a_in_b) num_found += m.keyframe == frame_b.id;
-    for (const CrossMatch& m : result.b_in_a) num_found += m.keyframe == frame_a.id;
+    if (search.Search(factors[round], needed, &result)) continue;
+    result.reason =
+        Format("%d of %d map points agree on a transform, but projecting the rest finds only %d (%d needed)",
+               ransac.num_inliers, result.num_matches, result.num_inliers, options.min_inliers);
+    return result;
   }
-  result.b_from_a = b_from_a;
-  result.information = refined.information;
-  result.median_error_px = refined.median_error_px;
-  result.match_rate = num_expected > 0 ? static_cast<double>(num_found) / num_expected : 0;
-  result.common_points = CommonPoints(result, *a.submap, *b.submap);
-  std::vector<Eigen::Vector3d> common_in_b;
-  for (const auto& [point_a, point_b] : result.common_points)
-    common_in_b.push_back(b.submap->points.at(point_b).position.cast<double>());
-  result.median_angle_rad = MedianIntersectionAngle(b_from_a * frame_a.cam_from_submap.Center(),
-                                                    frame_b.cam_from_submap.Center(), common_in_b);
-
-  const int each_way = static_cast<int>(std::min(result.a_in_b.size(), result.b_in_a.size()));
-  const int cells =
-      std::min(CountCells(result.b_in_a, frame_a, a.camera), CountCells(result.a_in_b, frame_b, b.camera));
-  const int cells_needed = CellsNeeded(zoom, options);
-  const double scale = std::max(b_from_a.scale, 1 / b_from_a.scale);
+  Measure(search, &result);
+  Judge(search, &result);
   Thin(options.max_kept, &result.a_in_b);
   Thin(options.max_kept, &result.b_in_a);
-  if (each_way < options.min_inliers_each_way) {
-    result.reason = Format("%d inliers, but only %d in one of the two directions (%d needed)", result.num_inliers,
-                           each_way, options.min_inliers_each_way);
-  } else if (static_cast<int>(result.common_points.size()) < options.min_common_points) {
-    result.reason = Format("%d inliers, but only %zu map points in common (%d needed)", result.num_inliers,
-                           result.common_points.size(), options.min_common_points);
-  } else if (cells < cells_needed) {
-    result.reason =
-        Format("the %d inliers cover only %d of 48 image cells (%d needed)", result.num_inliers, cells, cells_needed);
-  } else if (result.match_rate < options.min_match_rate) {
-    result.reason = Format("only %.0f %% of the %d map points that should be seen are found (%.0f %% needed)",
-                           100 * result.match_rate, num_expected, 100 * options.min_match_rate);
-  } else if (result.median_error_px > options.max_median_error) {
-    result.reason =
-        Format("median reprojection error %.1f px (at most %.1f)", result.median_error_px, options.max_median_error);
-  } else if (scale > options.max_scale) {
-    result.reason =
-        Format("the submaps' scales would differ by a factor of %.1f (at most %.1f)", scale, options.max_scale);
-  } else {
-    result.success = true;
-    result.reason =
-        Format("%d reprojections agree (median %.2f px, %.0f %% of those expected), %zu common points, %d cells",
-               result.num_inliers, result.median_error_px, 100 * result.match_rate, result.common_points.size(), cells);
-  }
   return result;
 }
 

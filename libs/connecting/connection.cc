@@ -91,6 +91,70 @@ void EstimateWide(const Submap& a, const ConnectionOptions& options, Connection*
   c->verdict = Connection::Verdict::kAccepted;
 }
 
+// Evidence that agrees with one piece of it, the leader.
+struct Agreement {
+  size_t leader = 0;
+  std::vector<char> agrees;  // by evidence
+};
+
+// The evidence with which most inliers agree leads; the strongest few are asked.
+Agreement FindAgreement(const SubmapView& a, const SubmapView& b, const std::vector<ConnectedFrames>& evidence,
+                        double max_disagreement_px) {
+  constexpr size_t kMaxLeaders = 8, kMaxJudged = 30;
+  std::vector<CrossObservations> judged;
+  judged.reserve(evidence.size());
+  for (const ConnectedFrames& e : evidence) judged.push_back(ResolveSome(a, b, e, kMaxJudged));
+  std::vector<size_t> strongest(evidence.size());
+  std::iota(strongest.begin(), strongest.end(), size_t{0});
+  std::stable_sort(strongest.begin(), strongest.end(),
+                   [&](size_t l, size_t r) { return evidence[l].num_inliers > evidence[r].num_inliers; });
+  strongest.resize(std::min(strongest.size(), kMaxLeaders));
+  Agreement best;
+  int best_support = -1;
+  for (const size_t i : strongest) {
+    std::vector<char> agrees(evidence.size(), 0);
+    int support = 0;
+    for (size_t j = 0; j < evidence.size(); ++j) {
+      agrees[j] = i == j || MedianErrorPx(judged[j], evidence[i].b_from_a) <= max_disagreement_px;
+      if (agrees[j]) support += evidence[j].num_inliers;
+    }
+    if (support > best_support) {
+      best_support = support;
+      best = {i, std::move(agrees)};
+    }
+  }
+  return best;
+}
+
+// Transform, F, M, θ and C of the evidence that agrees.
+void Combine(const SubmapView& a, const SubmapView& b, const ConnectionOptions& options, const ConnectedFrames& leader,
+             Connection* c) {
+  MatchesOfPairs all;
+  std::set<std::pair<MapPointId, MapPointId>> common;
+  std::vector<double> angles;
+  for (size_t i = 0; i < c->evidence.size(); ++i) {
+    if (!c->agrees[i]) continue;
+    const ConnectedFrames& e = c->evidence[i];
+    all.Add(e);
+    common.insert(e.common_points.begin(), e.common_points.end());
+    angles.push_back(e.median_angle_rad * 180 / M_PI);
+    ++c->num_connected_frames;
+  }
+  // Drift bends submaps, so that no single similarity fits all evidence to a pixel: the robust loss finds the
+  // compromise.
+  constexpr size_t kMaxJoint = 600;
+  Sim3RefinementOptions refinement = options.refinement;
+  refinement.max_squared_error = options.drift_squared_error;
+  const Sim3RefinementResult refined = RefineSim3(ResolveSome(a, b, all, kMaxJoint), leader.b_from_a, refinement);
+  c->b_from_a = refined.success ? refined.b_from_a : leader.b_from_a;
+  c->information = refined.success ? refined.information : leader.information;
+  c->num_inliers = refined.success ? refined.num_inliers : leader.num_inliers;
+  c->median_error_px = refined.success ? refined.median_error_px : leader.median_error_px;
+  c->num_common_points = static_cast<int>(common.size());
+  c->median_angle_deg = std::min(Median(angles), kMaxUsefulAngleDeg);
+  c->strength = ConnectionStrength(c->num_connected_frames, c->num_common_points, c->median_angle_deg);
+}
+
 }  // namespace
 
 EvaluatedConnection Announced(const Connection& connection) {
@@ -120,57 +184,9 @@ void EstimateConnection(const SubmapView& a, const SubmapView& b, const Connecti
     return;
   }
 
-  // The evidence with which most inliers agree leads; the strongest few are asked.
-  constexpr size_t kMaxLeaders = 8, kMaxJudged = 30, kMaxJoint = 600;
-  std::vector<CrossObservations> judged;
-  for (const ConnectedFrames& e : c->evidence) judged.push_back(ResolveSome(a, b, e, kMaxJudged));
-  std::vector<size_t> strongest(c->evidence.size());
-  std::iota(strongest.begin(), strongest.end(), size_t{0});
-  std::stable_sort(strongest.begin(), strongest.end(),
-                   [&](size_t l, size_t r) { return c->evidence[l].num_inliers > c->evidence[r].num_inliers; });
-  strongest.resize(std::min(strongest.size(), kMaxLeaders));
-  size_t leader = strongest[0];
-  int best_support = -1;
-  std::vector<char> agrees;
-  for (const size_t i : strongest) {
-    std::vector<char> with_i(c->evidence.size(), 0);
-    int support = 0;
-    for (size_t j = 0; j < c->evidence.size(); ++j) {
-      with_i[j] = i == j || MedianErrorPx(judged[j], c->evidence[i].b_from_a) <= options.max_disagreement_px;
-      if (with_i[j]) support += c->evidence[j].num_inliers;
-    }
-    if (support > best_support) {
-      best_support = support;
-      leader = i;
-      agrees = with_i;
-    }
-  }
-  c->agrees = agrees;
-
-  MatchesOfPairs all;
-  std::set<std::pair<MapPointId, MapPointId>> common;
-  std::vector<double> angles;
-  for (size_t i = 0; i < c->evidence.size(); ++i) {
-    if (!agrees[i]) continue;
-    const ConnectedFrames& e = c->evidence[i];
-    all.Add(e);
-    common.insert(e.common_points.begin(), e.common_points.end());
-    angles.push_back(e.median_angle_rad * 180 / M_PI);
-    ++c->num_connected_frames;
-  }
-  // Drift bends submaps, so that no single similarity fits all evidence to a pixel: the robust loss finds the
-  // compromise.
-  Sim3RefinementOptions refinement = options.refinement;
-  refinement.max_squared_error = options.drift_squared_error;
-  const Sim3RefinementResult refined =
-      RefineSim3(ResolveSome(a, b, all, kMaxJoint), c->evidence[leader].b_from_a, refinement);
-  c->b_from_a = refined.success ? refined.b_from_a : c->evidence[leader].b_from_a;
-  c->information = refined.success ? refined.information : c->evidence[leader].information;
-  c->num_inliers = refined.success ? refined.num_inliers : c->evidence[leader].num_inliers;
-  c->median_error_px = refined.success ? refined.median_error_px : c->evidence[leader].median_error_px;
-  c->num_common_points = static_cast<int>(common.size());
-  c->median_angle_deg = std::min(Median(angles), kMaxUsefulAngleDeg);
-  c->strength = ConnectionStrength(c->num_connected_frames, c->num_common_points, c->median_angle_deg);
+  Agreement agreement = FindAgreement(a, b, c->evidence, options.max_disagreement_px);
+  c->agrees = std::move(agreement.agrees);
+  Combine(a, b, options, c->evidence[agreement.leader], c);
   if (c->strength < options.min_strength) {
     c->reason = Format("strength %.1f is below %.1f", c->strength, options.min_strength);
     return;

@@ -191,6 +191,119 @@ double LargestMedian(const std::vector<Place>& places, const std::vector<double>
   return largest;
 }
 
+// Judges the loops of one submap, step by step.
+class LoopJudge {
+ public:
+  LoopJudge(const SubmapView& view, const std::vector<ConnectedFrames>& loops, const LoopClosureOptions& options)
+      : view_(view), loops_(loops), options_(options), ends_(*view.submap, loops), closer_(view, loops, options) {
+    judgement_.verdicts.assign(loops.size(), LoopVerdict::kUsed);
+    judgement_.reasons.assign(loops.size(), "");
+  }
+
+  LoopJudgement Run() {
+    places_ = GroupLoops(view_, loops_, ends_, Plausible(), options_);
+    RefuseLone();
+    MeasureGap();
+    if (judgement_.is_needed) {
+      const std::vector<int> all = AllLoops(places_);
+      judgement_.left_px = LargestMedian(places_, closer_.LeftOpen(all, all));
+      if (judgement_.left_px > options_.max_left_px) RefuseContradicting();
+    }
+    Explain();
+    return std::move(judgement_);
+  }
+
+ private:
+  void Refuse(int loop, LoopVerdict verdict, const std::string& reason) {
+    judgement_.verdicts[loop] = verdict;
+    judgement_.reasons[loop] = reason;
+  }
+  std::vector<int> Plausible();
+  void RefuseLone();
+  void MeasureGap();
+  void RefuseContradicting();
+  void Explain();
+
+  const SubmapView& view_;
+  const std::vector<ConnectedFrames>& loops_;
+  const LoopClosureOptions& options_;
+  const LoopEnds ends_;
+  const LoopCloser closer_;
+  std::vector<Place> places_;
+  LoopJudgement judgement_;
+};
+
+std::vector<int> LoopJudge::Plausible() {
+  std::vector<int> plausible;
+  for (int i = 0; i < static_cast<int>(loops_.size()); ++i) {
+    if (!ends_.Exist(i)) {
+      Refuse(i, LoopVerdict::kContradicted, "one of its keyframes was culled");
+      continue;
+    }
+    const std::string why = WhyImplausible(MeasureDrift(*view_.submap, loops_[i]), options_);
+    if (why.empty())
+      plausible.push_back(i);
+    else
+      Refuse(i, LoopVerdict::kImplausible, why);
+  }
+  return plausible;
+}
+
+void LoopJudge::RefuseLone() {
+  std::erase_if(places_, [&](const Place& place) {
+    if (place.loops.size() > 1) return false;
+    Refuse(place.loops[0], LoopVerdict::kAlone, "no pair of neighbouring keyframes says the same");
+    return true;
+  });
+}
+
+// One loop alone does not decide: the second largest gap.
+void LoopJudge::MeasureGap() {
+  std::vector<double> gaps;
+  for (const int i : AllLoops(places_)) gaps.push_back(closer_.GapAsTracked(i));
+  std::sort(gaps.rbegin(), gaps.rend());
+  judgement_.gap_px = gaps.empty() ? 0 : gaps[1];
+  judgement_.is_needed = judgement_.gap_px > options_.closed_px;
+}
+
+// Some are wrong. One by one, strongest first: a place that cannot be closed together with those before is refused.
+void LoopJudge::RefuseContradicting() {
+  std::vector<Place> kept;
+  for (const Place& place : places_) {
+    std::vector<Place> with = kept;
+    with.push_back(place);
+    const std::vector<int> closed = AllLoops(with);
+    const double left = LargestMedian(with, closer_.LeftOpen(closed, closed));
+    if (left <= options_.max_left_px) {
+      kept = std::move(with);
+      judgement_.left_px = left;
+      continue;
+    }
+    constexpr double kMostTold = 9999;
+    const std::string why = Format("with it, loops and tracking disagree by %.0f px (at most %.0f)",
+                                   std::min(left, kMostTold), options_.max_left_px);
+    for (const int i : place.loops) Refuse(i, LoopVerdict::kContradicted, why);
+  }
+  if (kept.empty()) judgement_.left_px = 0;
+  places_ = std::move(kept);
+  MeasureGap();
+}
+
+void LoopJudge::Explain() {
+  judgement_.num_places = static_cast<int>(places_.size());
+  const int num_used = static_cast<int>(AllLoops(places_).size());
+  constexpr double kMostTold = 99999;
+  if (num_used == 0) {
+    judgement_.reason = judgement_.reasons[0];
+  } else if (!judgement_.is_needed) {
+    judgement_.reason = Format("%d pairs of keyframes at %d places, closed within %.1f px as they are: nothing to gain",
+                               num_used, judgement_.num_places, judgement_.gap_px);
+  } else {
+    judgement_.reason = Format("%d pairs of keyframes at %d places; a gap of %.1f px falls to %.1f px", num_used,
+                               judgement_.num_places, std::min(judgement_.gap_px, kMostTold), judgement_.left_px);
+  }
+}
+
 }  // namespace
 
 std::string LoopClosureOptions::Check() const { return CheckOptions(*this); }
@@ -217,86 +330,9 @@ std::vector<int> FindLoneLoops(const SubmapView& view, const std::vector<Connect
 
 LoopJudgement JudgeLoops(const SubmapView& view, const std::vector<ConnectedFrames>& loops,
                          const LoopClosureOptions& options) {
+  if (!loops.empty()) return LoopJudge(view, loops, options).Run();
   LoopJudgement judgement;
-  judgement.verdicts.assign(loops.size(), LoopVerdict::kUsed);
-  judgement.reasons.assign(loops.size(), "");
-  if (loops.empty()) {
-    judgement.reason = "no place was seen twice";
-    return judgement;
-  }
-  const auto refuse = [&](int i, LoopVerdict verdict, const std::string& reason) {
-    judgement.verdicts[i] = verdict;
-    judgement.reasons[i] = reason;
-  };
-
-  const LoopEnds ends(*view.submap, loops);
-  std::vector<int> candidates;
-  for (int i = 0; i < static_cast<int>(loops.size()); ++i) {
-    if (!ends.Exist(i)) {
-      refuse(i, LoopVerdict::kContradicted, "one of its keyframes was culled");
-      continue;
-    }
-    const std::string why = WhyImplausible(MeasureDrift(*view.submap, loops[i]), options);
-    if (why.empty())
-      candidates.push_back(i);
-    else
-      refuse(i, LoopVerdict::kImplausible, why);
-  }
-  std::vector<Place> places = GroupLoops(view, loops, ends, candidates, options);
-  std::erase_if(places, [&](const Place& place) {
-    if (place.loops.size() > 1) return false;
-    refuse(place.loops[0], LoopVerdict::kAlone, "no pair of neighbouring keyframes says the same");
-    return true;
-  });
-
-  const LoopCloser closer(view, loops, options);
-  // One loop alone does not decide: the second largest gap.
-  const auto gap_as_tracked = [&] {
-    std::vector<double> gaps;
-    for (const int i : AllLoops(places)) gaps.push_back(closer.GapAsTracked(i));
-    std::sort(gaps.rbegin(), gaps.rend());
-    return gaps.empty() ? 0 : gaps[1];
-  };
-  judgement.gap_px = gap_as_tracked();
-  judgement.is_needed = judgement.gap_px > options.closed_px;
-  if (judgement.is_needed) {
-    const std::vector<int> all = AllLoops(places);
-    judgement.left_px = LargestMedian(places, closer.LeftOpen(all, all));
-    if (judgement.left_px > options.max_left_px) {
-      // Some are wrong. One by one, strongest first: a place that cannot be closed together with those before is
-      // refused.
-      std::vector<Place> kept;
-      for (const Place& place : places) {
-        std::vector<Place> with = kept;
-        with.push_back(place);
-        const std::vector<int> closed = AllLoops(with);
-        const double left = LargestMedian(with, closer.LeftOpen(closed, closed));
-        if (left <= options.max_left_px) {
-          kept = std::move(with);
-          judgement.left_px = left;
-          continue;
-        }
-        const std::string why = Format("with it, loops and tracking disagree by %.0f px (at most %.0f)",
-                                       std::min(left, 9999.0), options.max_left_px);
-        for (const int i : place.loops) refuse(i, LoopVerdict::kContradicted, why);
-      }
-      if (kept.empty()) judgement.left_px = 0;
-      places = std::move(kept);
-      judgement.gap_px = gap_as_tracked();
-      judgement.is_needed = judgement.gap_px > options.closed_px;
-    }
-  }
-  judgement.num_places = static_cast<int>(places.size());
-  const int num_used = static_cast<int>(AllLoops(places).size());
-  if (num_used == 0) {
-    judgement.reason = judgement.reasons[0];
-  } else if (!judgement.is_needed) {
-    judgement.reason = Format("%d pairs of keyframes at %d places, closed within %.1f px as they are: nothing to gain",
-                              num_used, judgement.num_places, judgement.gap_px);
-  } else {
-    judgement.reason = Format("%d pairs of keyframes at %d places; a gap of %.1f px falls to %.1f px", num_used,
-                              judgement.num_places, std::min(judgement.gap_px, 99999.0), judgement.left_px);
-  }
+  judgement.reason = "no place was seen twice";
   return judgement;
 }
 

@@ -3,7 +3,9 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
+#include "libs/base/median.h"
 #include "libs/base/options.h"
 
 namespace mapmend {
@@ -94,6 +96,71 @@ class Problem {
   double huber_;
 };
 
+// Levenberg-Marquardt over the observations that are inliers.
+Similarity3 Minimise(const Problem& problem, const Sim3RefinementResult& inliers, int max_iterations, Similarity3 t) {
+  constexpr int kMaxAttempts = 6;
+  constexpr double kMinGain = 1e-6;  // of the cost
+  double cost = problem.Cost(t, inliers.inlier_a_in_b, inliers.inlier_b_in_a);
+  double damping = 1e-4;
+  for (int iteration = 0; iteration < max_iterations; ++iteration) {
+    Matrix7d H;
+    Vector7d g;
+    problem.Normal(t, inliers.inlier_a_in_b, inliers.inlier_b_in_a, &H, &g);
+    bool improved = false;
+    double gain = 0;
+    for (int attempt = 0; attempt < kMaxAttempts && !improved; ++attempt) {
+      Matrix7d damped = H;
+      damped.diagonal() += damping * H.diagonal();
+      const Vector7d step = damped.ldlt().solve(-g);
+      if (step.allFinite()) {
+        const Similarity3 next = Perturb(t, step);
+        const double next_cost = problem.Cost(next, inliers.inlier_a_in_b, inliers.inlier_b_in_a);
+        if (next_cost < cost) {
+          improved = true;
+          gain = (cost - next_cost) / cost;
+          t = next;
+          cost = next_cost;
+          damping = std::max(1e-9, damping / 10);
+          continue;
+        }
+      }
+      damping *= 10;
+    }
+    if (!improved || gain < kMinGain) break;
+  }
+  return t;
+}
+
+// Which observations the transform explains.
+void MarkInliers(const CrossObservations& observations, const Similarity3& t, double max_squared_error,
+                 Sim3RefinementResult* result) {
+  const Similarity3 inverse = t.Inverse();
+  result->num_inliers = 0;
+  for (size_t i = 0; i < observations.a_in_b.size(); ++i) {
+    result->inlier_a_in_b[i] = SquaredError(observations.a_in_b[i], t) <= max_squared_error;
+    result->num_inliers += result->inlier_a_in_b[i];
+  }
+  for (size_t i = 0; i < observations.b_in_a.size(); ++i) {
+    result->inlier_b_in_a[i] = SquaredError(observations.b_in_a[i], inverse) <= max_squared_error;
+    result->num_inliers += result->inlier_b_in_a[i];
+  }
+}
+
+// Pixels, over the inliers.
+double MedianError(const CrossObservations& observations, const Similarity3& t, const Sim3RefinementResult& inliers) {
+  const Similarity3 inverse = t.Inverse();
+  std::vector<double> errors;
+  for (size_t i = 0; i < observations.a_in_b.size(); ++i) {
+    const CrossObservation& o = observations.a_in_b[i];
+    if (inliers.inlier_a_in_b[i]) errors.push_back(o.sigma * std::sqrt(SquaredError(o, t)));
+  }
+  for (size_t i = 0; i < observations.b_in_a.size(); ++i) {
+    const CrossObservation& o = observations.b_in_a[i];
+    if (inliers.inlier_b_in_a[i]) errors.push_back(o.sigma * std::sqrt(SquaredError(o, inverse)));
+  }
+  return Median(std::move(errors));
+}
+
 }  // namespace
 
 Similarity3 Perturb(const Similarity3& b_from_a, const Vector7d& d) {
@@ -139,66 +206,20 @@ Sim3RefinementResult RefineSim3(const CrossObservations& observations, const Sim
   result.information.setZero();
   const Problem problem(observations, options.huber);
 
+  constexpr int kMinInliers = 4;
   Similarity3 t = initial;
   for (int round = 0; round < options.num_rounds; ++round) {
-    double cost = problem.Cost(t, result.inlier_a_in_b, result.inlier_b_in_a);
-    double damping = 1e-4;
-    for (int iteration = 0; iteration < options.max_iterations; ++iteration) {
-      Matrix7d H;
-      Vector7d g;
-      problem.Normal(t, result.inlier_a_in_b, result.inlier_b_in_a, &H, &g);
-      bool improved = false;
-      double gain = 0;
-      for (int attempt = 0; attempt < 6 && !improved; ++attempt) {
-        Matrix7d damped = H;
-        damped.diagonal() += damping * H.diagonal();
-        const Vector7d step = damped.ldlt().solve(-g);
-        if (step.allFinite()) {
-          const Similarity3 next = Perturb(t, step);
-          const double next_cost = problem.Cost(next, result.inlier_a_in_b, result.inlier_b_in_a);
-          if (next_cost < cost) {
-            improved = true;
-            gain = (cost - next_cost) / cost;
-            t = next;
-            cost = next_cost;
-            damping = std::max(1e-9, damping / 10);
-            continue;
-          }
-        }
-        damping *= 10;
-      }
-      if (!improved || gain < 1e-6) break;
-    }
+    t = Minimise(problem, result, options.max_iterations, t);
     // Who belongs to it, now that the transform is better?
-    const Similarity3 inverse = t.Inverse();
-    result.num_inliers = 0;
-    for (size_t i = 0; i < observations.a_in_b.size(); ++i) {
-      result.inlier_a_in_b[i] = SquaredError(observations.a_in_b[i], t) <= options.max_squared_error;
-      result.num_inliers += result.inlier_a_in_b[i];
-    }
-    for (size_t i = 0; i < observations.b_in_a.size(); ++i) {
-      result.inlier_b_in_a[i] = SquaredError(observations.b_in_a[i], inverse) <= options.max_squared_error;
-      result.num_inliers += result.inlier_b_in_a[i];
-    }
-    if (result.num_inliers < 4) return result;
+    MarkInliers(observations, t, options.max_squared_error, &result);
+    if (result.num_inliers < kMinInliers) return result;
   }
   result.b_from_a = t;
   result.initial_cost = problem.Cost(initial, result.inlier_a_in_b, result.inlier_b_in_a);
   result.final_cost = problem.Cost(t, result.inlier_a_in_b, result.inlier_b_in_a);
   Vector7d g;
   problem.Normal(t, result.inlier_a_in_b, result.inlier_b_in_a, &result.information, &g);
-  std::vector<double> errors;
-  const Similarity3 inverse = t.Inverse();
-  for (size_t i = 0; i < observations.a_in_b.size(); ++i) {
-    const CrossObservation& o = observations.a_in_b[i];
-    if (result.inlier_a_in_b[i]) errors.push_back(o.sigma * std::sqrt(SquaredError(o, t)));
-  }
-  for (size_t i = 0; i < observations.b_in_a.size(); ++i) {
-    const CrossObservation& o = observations.b_in_a[i];
-    if (result.inlier_b_in_a[i]) errors.push_back(o.sigma * std::sqrt(SquaredError(o, inverse)));
-  }
-  std::nth_element(errors.begin(), errors.begin() + static_cast<long>(errors.size() / 2), errors.end());
-  result.median_error_px = errors[errors.size() / 2];
+  result.median_error_px = MedianError(observations, t, result);
   const Eigen::LDLT<Matrix7d> ldlt(result.information);
   result.success = ldlt.isPositive() && ldlt.vectorD().minCoeff() > 1e-15 * ldlt.vectorD().maxCoeff();
   return result;

@@ -117,6 +117,182 @@ void TransformMap(const Similarity3& new_from_old, MergedMap* map) {
   for (MergedPoint& p : map->points) p.position = new_from_old * p.position;
 }
 
+// Refines one map, step by step.
+class Refinement {
+ public:
+  Refinement(const std::vector<SubmapView>& submaps, const std::vector<Similarity3>& root_from_submap,
+             const MergedRefinementOptions& options, const std::function<void(const std::string&)>& progress,
+             const OpenFeatureSource& open_features)
+      : submaps_(submaps),
+        options_(options),
+        progress_(progress),
+        open_features_(open_features),
+        map_(MakeMergedMap(submaps, root_from_submap, open_features)),
+        searched_(map_, open_features),
+        num_keyframes_(static_cast<int>(map_.keyframes.size())),
+        is_large_(num_keyframes_ > options.max_keyframes_without_overlaps),
+        by_windows_(num_keyframes_ > options.max_keyframes_at_once),
+        // With poses beyond the window fixed, further rounds move nothing.
+        num_rounds_(by_windows_ ? 1 : options.radii.size()) {
+    result_.root_from_submap = root_from_submap;
+  }
+
+  MergedRefinementResult Run(const std::vector<RefinementLink>& links);
+
+ private:
+  void Report(const std::string& text) const {
+    if (progress_) progress_(text);
+  }
+  // Pose graph of what tracking and the links say; large maps are straightened by their overlaps at once.
+  void SolveLinks(const std::vector<RefinementLink>& links);
+  // The links hold the submaps together at a few places each; their overlaps do so all along, which straightens what
+  // bundle adjustment would need very many steps for.
+  void Straighten(const std::vector<OverlapRelation>& relations);
+  OverlapFindings Match(double radius);
+  void Fuse(size_t round);
+  // Fusion of what lies on each other, and bundle adjustment. False: it failed.
+  bool Adjust(size_t round);
+  bool FindReadouts();
+  MergedBundleOptions BundleOptions(int max_iterations) const;
+  // The same observations, with the poses of the tree. False: refinement was not worth it.
+  bool Compare(const std::vector<MergedKeyframe>& tree_keyframes);
+  void KeepFrameOfRoot();
+  MergedRefinementResult GiveUp(const std::string& reason);
+
+  const std::vector<SubmapView>& submaps_;
+  const MergedRefinementOptions& options_;
+  const std::function<void(const std::string&)>& progress_;
+  const OpenFeatureSource& open_features_;
+  MergedRefinementResult result_;
+  MergedMap map_;
+  SearchedKeyframes searched_;
+  const int num_keyframes_;
+  const bool is_large_, by_windows_;
+  const size_t num_rounds_;
+  bool by_overlaps_ = false;
+  std::vector<PoseGraphEdge> edges_;  // of tracking and links, then of overlaps
+  size_t num_links_and_tracked_ = 0;
+};
+
+MergedRefinementResult Refinement::Run(const std::vector<RefinementLink>& links) {
+  if (map_.keyframes.empty() || map_.points.empty()) {
+    result_.summary.reason = "nothing to refine";
+    result_.map = std::move(map_);
+    return std::move(result_);
+  }
+  if (options_.find_readouts) MeasureMotions(&map_);
+  const std::vector<MergedKeyframe> tree_keyframes = map_.keyframes;
+  SolveLinks(links);
+  bool success = true;
+  for (size_t round = 0; round < num_rounds_ && success; ++round) success = Adjust(round);
+  // Only now, for what an image read row by row does to a map that is still bent cannot be told.
+  if (success && options_.find_readouts && !by_windows_ && FindReadouts()) success = Adjust(num_rounds_ - 1);
+  if (!success) return GiveUp("bundle adjustment failed; the transforms along the tree stand");
+  if (!Compare(tree_keyframes)) {
+    return GiveUp(
+        Format("refinement would raise the reprojection error from %.2f to %.2f px; the tree's transforms stand",
+               result_.summary.before.median_px, result_.summary.after.median_px));
+  }
+  KeepFrameOfRoot();
+  result_.map = std::move(map_);
+  MergedRefinementSummary& summary = result_.summary;
+  summary.success = true;
+  summary.reason = Format("median reprojection error %.2f px before, %.2f px after, over %d observations",
+                          summary.before.median_px, summary.after.median_px, summary.after.num_observations);
+  return std::move(result_);
+}
+
+void Refinement::SolveLinks(const std::vector<RefinementLink>& links) {
+  if (!links.empty()) edges_ = Relations(map_, links, options_.relations);
+  num_links_and_tracked_ = edges_.size();
+  if (!edges_.empty()) {
+    Report(Format("pose graph of %zu keyframes and %zu relations", map_.keyframes.size(), edges_.size()));
+    result_.summary.pose_graph = SolvePoseGraph(edges_, options_.pose_graph, &map_);
+  }
+  by_overlaps_ = is_large_ && result_.summary.pose_graph.success;
+  if (by_overlaps_) Straighten(Match(options_.radii[0]).relations);
+}
+
+void Refinement::Straighten(const std::vector<OverlapRelation>& relations) {
+  edges_.resize(num_links_and_tracked_);
+  AppendOverlaps(map_, relations, options_.overlapping, &edges_);
+  Report(Format("pose graph of %zu keyframes and %zu relations, overlaps among them", map_.keyframes.size(),
+                edges_.size()));
+  result_.summary.pose_graph = SolvePoseGraph(edges_, options_.pose_graph, &map_);
+}
+
+OverlapFindings Refinement::Match(double radius) {
+  OverlapMatchingOptions matching = options_.matching;
+  matching.radius = radius;
+  return MatchOverlaps(map_, options_.overlap, matching, by_overlaps_ ? options_.min_points_of_overlap : 0, &searched_);
+}
+
+void Refinement::Fuse(size_t round) {
+  Report(Format("fusion of duplicate points, round %zu of %zu", round + 1, num_rounds_));
+  OverlapFindings findings = Match(options_.radii[round]);
+  // Measured on a straighter map than the first time, overlaps say more.
+  if (by_overlaps_ && round == 0) Straighten(findings.relations);
+  result_.summary.fusions.push_back(FuseOverlaps(std::move(findings), &map_));
+  const FusionSummary& fusion = result_.summary.fusions.back();
+  Report(Format("%d of %d overlapping pairs matched, %d points fused, %d observations added, %d conflicts",
+                fusion.num_matched_pairs, fusion.num_pairs, fusion.num_fused, fusion.num_added, fusion.num_conflicts));
+}
+
+MergedBundleOptions Refinement::BundleOptions(int max_iterations) const {
+  MergedBundleOptions bundle = options_.bundle;
+  bundle.bundle.max_iterations = max_iterations;
+  if (is_large_) bundle.bundle.initial_trust_radius = options_.large_trust_radius;
+  return bundle;
+}
+
+bool Refinement::Adjust(size_t round) {
+  Fuse(round);
+  MergedBundleOptions bundle = BundleOptions(options_.iterations[round]);
+  const bool last = round + 1 == num_rounds_;
+  if (last && num_keyframes_ <= options_.max_keyframes_with_all_points) bundle.points_per_keyframe = 0;
+  Report(Format("bundle adjustment, round %zu of %zu", round + 1, num_rounds_));
+  const auto report = [this](const std::string& text) { Report(text); };
+  result_.summary.bundles.push_back(by_windows_ ? AdjustWindows(bundle, options_.windows, report, &map_)
+                                                : AdjustMergedMap(bundle, &map_));
+  const MergedBundleSummary& adjusted = result_.summary.bundles.back();
+  Report(Format("%d points, %d observations, %d iterations, cost %.0f to %.0f, %d outliers removed",
+                adjusted.num_points, adjusted.num_observations, adjusted.num_iterations, adjusted.initial_cost,
+                adjusted.final_cost, adjusted.num_removed));
+  return adjusted.success;
+}
+
+bool Refinement::FindReadouts() {
+  MergedBundleOptions bundle = BundleOptions(options_.readout_iterations);
+  bundle.find_readouts = true;
+  const MergedBundleSummary found = AdjustMergedMap(bundle, &map_);
+  Report(Format("rolling shutter: %s; %d iterations, cost %.0f to %.0f", found.reason.c_str(), found.num_iterations,
+                found.initial_cost, found.final_cost));
+  return found.success;
+}
+
+bool Refinement::Compare(const std::vector<MergedKeyframe>& tree_keyframes) {
+  RefinePoints(&map_);
+  result_.summary.after = MeasureReprojection(map_);
+  result_.summary.before = MeasureWithPoses(tree_keyframes, &map_);
+  constexpr double kNoise = 1.01;  // a map without drift can only stay as good as it is
+  return result_.summary.after.mean_robust <= kNoise * result_.summary.before.mean_robust;
+}
+
+void Refinement::KeepFrameOfRoot() {
+  if (const std::optional<Similarity3> refined_from_root = FitSubmap(map_, 0)) {
+    TransformMap(refined_from_root->Inverse(), &map_);
+  }
+  for (size_t s = 1; s < submaps_.size(); ++s) {
+    if (const auto fit = FitSubmap(map_, static_cast<int>(s))) result_.root_from_submap[s] = *fit;
+  }
+}
+
+MergedRefinementResult Refinement::GiveUp(const std::string& reason) {
+  result_.summary.reason = reason;
+  result_.map = MakeMergedMap(submaps_, result_.root_from_submap, open_features_);
+  return std::move(result_);
+}
+
 }  // namespace
 
 std::string MergedRefinementOptions::Check() const { return CheckOptions(*this); }
@@ -131,125 +307,7 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
                                        const std::vector<RefinementLink>& links, const MergedRefinementOptions& options,
                                        const std::function<void(const std::string&)>& progress,
                                        const OpenFeatureSource& open_features) {
-  const auto report = [&](const std::string& text) {
-    if (progress) progress(text);
-  };
-  MergedRefinementResult result;
-  MergedRefinementSummary& summary = result.summary;
-  result.root_from_submap = root_from_submap;
-  MergedMap map = MakeMergedMap(submaps, root_from_submap, open_features);
-  const auto keep_tree = [&] { result.map = MakeMergedMap(submaps, root_from_submap, open_features); };
-  if (map.keyframes.empty() || map.points.empty()) {
-    summary.reason = "nothing to refine";
-    result.map = std::move(map);
-    return result;
-  }
-  if (options.find_readouts) MeasureMotions(&map);
-  const std::vector<MergedKeyframe> tree_keyframes = map.keyframes;
-  SearchedKeyframes searched(map, open_features);
-
-  std::vector<PoseGraphEdge> edges =
-      links.empty() ? std::vector<PoseGraphEdge>() : Relations(map, links, options.relations);
-  if (!edges.empty()) {
-    report(Format("pose graph of %zu keyframes and %zu relations", map.keyframes.size(), edges.size()));
-    summary.pose_graph = SolvePoseGraph(edges, options.pose_graph, &map);
-  }
-  const int num_keyframes = static_cast<int>(map.keyframes.size());
-  const bool is_large = num_keyframes > options.max_keyframes_without_overlaps;
-  const bool by_overlaps = is_large && summary.pose_graph.success;
-  const size_t num_links_and_tracked = edges.size();
-  const auto match = [&](double radius) {
-    OverlapMatchingOptions matching = options.matching;
-    matching.radius = radius;
-    return MatchOverlaps(map, options.overlap, matching, by_overlaps ? options.min_points_of_overlap : 0, &searched);
-  };
-  // The links hold the submaps together at a few places each; their overlaps do so all along, which straightens what
-  // bundle adjustment would need very many steps for.
-  const auto straighten = [&](const std::vector<OverlapRelation>& relations) {
-    edges.resize(num_links_and_tracked);
-    AppendOverlaps(map, relations, options.overlapping, &edges);
-    report(Format("pose graph of %zu keyframes and %zu relations, overlaps among them", map.keyframes.size(),
-                  edges.size()));
-    summary.pose_graph = SolvePoseGraph(edges, options.pose_graph, &map);
-  };
-  if (by_overlaps) {
-    const std::vector<OverlapRelation> relations = match(options.radii[0]).relations;
-    straighten(relations);
-  }
-
-  const bool by_windows = num_keyframes > options.max_keyframes_at_once;
-  // With poses beyond the window fixed, further rounds move nothing.
-  const size_t num_rounds = by_windows ? 1 : options.radii.size();
-  // Fusion of what lies on each other, and bundle adjustment.
-  const auto adjust = [&](size_t round) {
-    report(Format("fusion of duplicate points, round %zu of %zu", round + 1, num_rounds));
-    OverlapFindings findings = match(options.radii[round]);
-    // Measured on a straighter map than the first time, overlaps say more.
-    if (by_overlaps && round == 0) straighten(findings.relations);
-    summary.fusions.push_back(FuseOverlaps(std::move(findings), &map));
-    const FusionSummary& fusion = summary.fusions.back();
-    report(Format("%d of %d overlapping pairs matched, %d points fused, %d observations added, %d conflicts",
-                  fusion.num_matched_pairs, fusion.num_pairs, fusion.num_fused, fusion.num_added,
-                  fusion.num_conflicts));
-    MergedBundleOptions bundle = options.bundle;
-    bundle.bundle.max_iterations = options.iterations[round];
-    if (is_large) bundle.bundle.initial_trust_radius = options.large_trust_radius;
-    const bool last = round + 1 == num_rounds;
-    if (last && num_keyframes <= options.max_keyframes_with_all_points) bundle.points_per_keyframe = 0;
-    report(Format("bundle adjustment, round %zu of %zu", round + 1, num_rounds));
-    summary.bundles.push_back(by_windows ? AdjustWindows(bundle, options.windows, report, &map)
-                                         : AdjustMergedMap(bundle, &map));
-    const MergedBundleSummary& adjusted = summary.bundles.back();
-    report(Format("%d points, %d observations, %d iterations, cost %.0f to %.0f, %d outliers removed",
-                  adjusted.num_points, adjusted.num_observations, adjusted.num_iterations, adjusted.initial_cost,
-                  adjusted.final_cost, adjusted.num_removed));
-    return adjusted.success;
-  };
-  const auto give_up = [&] {
-    summary.reason = "bundle adjustment failed; the transforms along the tree stand";
-    keep_tree();
-    return result;
-  };
-  for (size_t round = 0; round < num_rounds; ++round) {
-    if (!adjust(round)) return give_up();
-  }
-  // Only now, for what an image read row by row does to a map that is still bent cannot be told.
-  if (options.find_readouts && !by_windows) {
-    MergedBundleOptions bundle = options.bundle;
-    bundle.find_readouts = true;
-    bundle.bundle.max_iterations = options.readout_iterations;
-    if (is_large) bundle.bundle.initial_trust_radius = options.large_trust_radius;
-    const MergedBundleSummary found = AdjustMergedMap(bundle, &map);
-    report(Format("rolling shutter: %s; %d iterations, cost %.0f to %.0f", found.reason.c_str(), found.num_iterations,
-                  found.initial_cost, found.final_cost));
-    if (found.success && !adjust(num_rounds - 1)) return give_up();
-  }
-
-  // Was it worth it? The same observations, with the poses of the tree.
-  RefinePoints(&map);
-  summary.after = MeasureReprojection(map);
-  summary.before = MeasureWithPoses(tree_keyframes, &map);
-  constexpr double kNoise = 1.01;  // a map without drift can only stay as good as it is
-  if (summary.after.mean_robust > kNoise * summary.before.mean_robust) {
-    summary.reason =
-        Format("refinement would raise the reprojection error from %.2f to %.2f px; the tree's transforms stand",
-               summary.before.median_px, summary.after.median_px);
-    keep_tree();
-    return result;
-  }
-
-  // The frame stays that of the root submap.
-  if (const std::optional<Similarity3> refined_from_root = FitSubmap(map, 0)) {
-    TransformMap(refined_from_root->Inverse(), &map);
-  }
-  for (size_t s = 1; s < submaps.size(); ++s) {
-    if (const auto fit = FitSubmap(map, static_cast<int>(s))) result.root_from_submap[s] = *fit;
-  }
-  result.map = std::move(map);
-  summary.success = true;
-  summary.reason = Format("median reprojection error %.2f px before, %.2f px after, over %d observations",
-                          summary.before.median_px, summary.after.median_px, summary.after.num_observations);
-  return result;
+  return Refinement(submaps, root_from_submap, options, progress, open_features).Run(links);
 }
 
 }  // namespace mapmend

@@ -84,100 +84,169 @@ BundleAdjuster::~BundleAdjuster() = default;
 BundleAdjuster::BundleAdjuster(BundleAdjuster&&) noexcept = default;
 BundleAdjuster& BundleAdjuster::operator=(BundleAdjuster&&) noexcept = default;
 
-BundleSummary BundleAdjuster::Adjust(const BundleOptions& options, BundleProblem* problem) {
-  BundleSummary result;
-  if (problem->observations.empty()) return result;
-  const ObservationsByPoint by_point(*problem);
-  std::vector<uint8_t> chosen(problem->points.size(), 1);
-  if (options.points_per_pose > 0) chosen = ChooseBundlePoints(*problem, by_point, options.points_per_pose);
-  std::vector<uint8_t> pose_used(problem->poses.size(), 0), point_used(problem->points.size(), 0);
-  for (const BundleObservation& o : problem->observations) {
-    if (chosen[o.point]) pose_used[o.pose] = point_used[o.point] = 1;
-  }
+// One call of Adjust: the problem in Ceres's terms, over the blocks that are kept.
+class BundleAdjuster::Window {
+ public:
+  Window(const BundleOptions& options, Kept* kept, BundleProblem* problem);
 
-  Kept& kept = *kept_;
-  kept.MakeRoom(problem->poses.size(), problem->points.size());
-  ceres::HuberLoss loss(options.huber);
-  ReadoutPrior pull(options.readout_sigma);
-  ceres::Problem::Options problem_options;
-  problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  problem_options.disable_all_safety_checks = true;
-  problem_options.evaluation_callback = kept.poses.get();
-  ceres::Problem ceres_problem(problem_options);
-  for (size_t i = 0; i < kept.points.size(); ++i) {
-    double* point = kept.points[i].data();
-    const bool used = i < point_used.size() && point_used[i];
-    kept.SetMember(point, kPointGroup, used);
-    if (!used) continue;
-    kept.points[i] = problem->points[i];
-    ceres_problem.AddParameterBlock(point, 3);
+  BundleSummary Solve();
+  // What Solve has found goes into the problem; points that were left out are fitted to it.
+  void TakeOver();
+
+ private:
+  static ceres::Problem::Options ProblemOptions(Kept* kept);
+  ceres::Solver::Options SolverOptions() const;
+  void ChoosePoints();
+  void AddPoints();
+  void AddPoses();
+  void AddReadouts();
+  void AddObservations();
+
+  const BundleOptions& options_;
+  Kept& kept_;
+  BundleProblem* problem_;
+  const ObservationsByPoint by_point_;
+  std::vector<uint8_t> chosen_, pose_used_, point_used_;
+  int num_free_poses_ = 0;
+  std::vector<double> readouts_;
+  ceres::HuberLoss loss_;
+  ReadoutPrior pull_;
+  std::deque<RollingShutterCost> rolling_costs_;
+  ceres::Problem ceres_problem_;
+};
+
+BundleAdjuster::Window::Window(const BundleOptions& options, Kept* kept, BundleProblem* problem)
+    : options_(options),
+      kept_(*kept),
+      problem_(problem),
+      by_point_(*problem),
+      chosen_(problem->points.size(), 1),
+      pose_used_(problem->poses.size(), 0),
+      point_used_(problem->points.size(), 0),
+      readouts_(problem->readouts),
+      loss_(options.huber),
+      pull_(options.readout_sigma),
+      ceres_problem_(ProblemOptions(kept)) {
+  ChoosePoints();
+  AddPoints();
+  AddPoses();
+  AddReadouts();
+  AddObservations();
+}
+
+ceres::Problem::Options BundleAdjuster::Window::ProblemOptions(Kept* kept) {
+  ceres::Problem::Options options;
+  options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  options.disable_all_safety_checks = true;
+  options.evaluation_callback = kept->poses.get();
+  return options;
+}
+
+void BundleAdjuster::Window::ChoosePoints() {
+  if (options_.points_per_pose > 0) chosen_ = ChooseBundlePoints(*problem_, by_point_, options_.points_per_pose);
+  for (const BundleObservation& o : problem_->observations) {
+    if (chosen_[o.point]) pose_used_[o.pose] = point_used_[o.point] = 1;
   }
-  int num_free_poses = 0;
-  for (size_t i = 0; i < kept.poses->Size(); ++i) {
-    double* step = kept.poses->Step(i);
-    const bool used = i < pose_used.size() && pose_used[i];
-    // Ceres itself takes fixed blocks out of the order.
-    kept.SetMember(step, kPoseGroup, used && !problem->poses[i].fixed);
+}
+
+void BundleAdjuster::Window::AddPoints() {
+  for (size_t i = 0; i < kept_.points.size(); ++i) {
+    double* point = kept_.points[i].data();
+    const bool used = i < point_used_.size() && point_used_[i];
+    kept_.SetMember(point, kPointGroup, used);
     if (!used) continue;
-    kept.poses->SetStart(i, problem->poses[i].cam_from_world);
-    ceres_problem.AddParameterBlock(step, 6);
-    if (problem->poses[i].fixed) {
-      ceres_problem.SetParameterBlockConstant(step);
+    kept_.points[i] = problem_->points[i];
+    ceres_problem_.AddParameterBlock(point, 3);
+  }
+}
+
+void BundleAdjuster::Window::AddPoses() {
+  for (size_t i = 0; i < kept_.poses->Size(); ++i) {
+    double* step = kept_.poses->Step(i);
+    const bool used = i < pose_used_.size() && pose_used_[i];
+    // Ceres itself takes fixed blocks out of the order.
+    kept_.SetMember(step, kPoseGroup, used && !problem_->poses[i].fixed);
+    if (!used) continue;
+    kept_.poses->SetStart(i, problem_->poses[i].cam_from_world);
+    ceres_problem_.AddParameterBlock(step, 6);
+    if (problem_->poses[i].fixed) {
+      ceres_problem_.SetParameterBlockConstant(step);
     } else {
-      ++num_free_poses;
+      ++num_free_poses_;
     }
   }
-  kept.num_costs = 0;
-  std::deque<RollingShutterCost> rolling_costs;
-  std::vector<double> readouts = problem->readouts;
-  for (double& readout : readouts) {
-    ceres_problem.AddParameterBlock(&readout, 1);
-    ceres_problem.AddResidualBlock(&pull, nullptr, &readout);
-    kept.ordering->AddElementToGroup(&readout, kReadoutGroup);
+}
+
+void BundleAdjuster::Window::AddReadouts() {
+  for (double& readout : readouts_) {
+    ceres_problem_.AddParameterBlock(&readout, 1);
+    ceres_problem_.AddResidualBlock(&pull_, nullptr, &readout);
+    kept_.ordering->AddElementToGroup(&readout, kReadoutGroup);
   }
-  for (size_t i = 0; i < problem->observations.size(); ++i) {
-    const BundleObservation& o = problem->observations[i];
-    if (!chosen[o.point]) continue;
-    if (readouts.empty()) {
-      ceres_problem.AddResidualBlock(kept.NextCost(*problem, o), &loss, kept.poses->Step(o.pose),
-                                     kept.points[o.point].data());
+}
+
+void BundleAdjuster::Window::AddObservations() {
+  kept_.num_costs = 0;
+  for (size_t i = 0; i < problem_->observations.size(); ++i) {
+    const BundleObservation& o = problem_->observations[i];
+    if (!chosen_[o.point]) continue;
+    double *step = kept_.poses->Step(o.pose), *point = kept_.points[o.point].data();
+    if (readouts_.empty()) {
+      ceres_problem_.AddResidualBlock(kept_.NextCost(*problem_, o), &loss_, step, point);
       continue;
     }
-    const int camera = problem->poses[o.pose].camera;
-    rolling_costs.emplace_back(problem->cameras[camera], kept.poses->At(o.pose), o.pixel, o.sigma,
-                               problem->shutter_correction[i].cast<double>());
-    ceres_problem.AddResidualBlock(&rolling_costs.back(), &loss, kept.poses->Step(o.pose), kept.points[o.point].data(),
-                                   &readouts[problem->readout_of_camera[camera]]);
+    const int camera = problem_->poses[o.pose].camera;
+    rolling_costs_.emplace_back(problem_->cameras[camera], kept_.poses->At(o.pose), o.pixel, o.sigma,
+                                problem_->shutter_correction[i].cast<double>());
+    ceres_problem_.AddResidualBlock(&rolling_costs_.back(), &loss_, step, point,
+                                    &readouts_[problem_->readout_of_camera[camera]]);
   }
-  kept.poses->PrepareForEvaluation(true, true);
+}
 
-  ceres::Solver::Options solver_options;
-  solver_options.linear_solver_type = num_free_poses <= kMaxDensePoses ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
-  solver_options.linear_solver_ordering = kept.ordering;
-  solver_options.max_num_iterations = options.max_iterations;
-  solver_options.function_tolerance = options.function_tolerance;
-  solver_options.initial_trust_region_radius = options.initial_trust_radius;
-  solver_options.num_threads = 1;
-  solver_options.logging_type = ceres::SILENT;
-  if (options.max_seconds > 0) solver_options.max_solver_time_in_seconds = options.max_seconds;
+ceres::Solver::Options BundleAdjuster::Window::SolverOptions() const {
+  ceres::Solver::Options solver;
+  solver.linear_solver_type = num_free_poses_ <= kMaxDensePoses ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
+  solver.linear_solver_ordering = kept_.ordering;
+  solver.max_num_iterations = options_.max_iterations;
+  solver.function_tolerance = options_.function_tolerance;
+  solver.initial_trust_region_radius = options_.initial_trust_radius;
+  solver.num_threads = 1;
+  solver.logging_type = ceres::SILENT;
+  if (options_.max_seconds > 0) solver.max_solver_time_in_seconds = options_.max_seconds;
+  return solver;
+}
+
+BundleSummary BundleAdjuster::Window::Solve() {
+  kept_.poses->PrepareForEvaluation(true, true);
   ceres::Solver::Summary summary;
-  ceres::Solve(solver_options, &ceres_problem, &summary);
-  for (double& readout : readouts) kept.ordering->Remove(&readout);
-
+  ceres::Solve(SolverOptions(), &ceres_problem_, &summary);
+  for (double& readout : readouts_) kept_.ordering->Remove(&readout);
+  BundleSummary result;
   result.iterations = static_cast<int>(summary.iterations.size());
   result.initial_cost = summary.initial_cost;
   result.final_cost = summary.final_cost;
   result.success = summary.IsSolutionUsable();
-  if (!result.success) return result;
-  problem->readouts = readouts;
-  for (size_t i = 0; i < pose_used.size(); ++i) {
-    if (pose_used[i] && !problem->poses[i].fixed) problem->poses[i].cam_from_world = kept.poses->Result(i);
+  return result;
+}
+
+void BundleAdjuster::Window::TakeOver() {
+  problem_->readouts = readouts_;
+  for (size_t i = 0; i < pose_used_.size(); ++i) {
+    if (pose_used_[i] && !problem_->poses[i].fixed) problem_->poses[i].cam_from_world = kept_.poses->Result(i);
   }
-  for (size_t i = 0; i < point_used.size(); ++i) {
-    if (point_used[i]) problem->points[i] = kept.points[i];
+  for (size_t i = 0; i < point_used_.size(); ++i) {
+    if (point_used_[i]) problem_->points[i] = kept_.points[i];
   }
-  if (options.points_per_pose > 0) RefineOthers(options, chosen, by_point, problem);
+  if (options_.points_per_pose > 0) RefineOthers(options_, chosen_, by_point_, problem_);
+}
+
+BundleSummary BundleAdjuster::Adjust(const BundleOptions& options, BundleProblem* problem) {
+  if (problem->observations.empty()) return {};
+  kept_->MakeRoom(problem->poses.size(), problem->points.size());
+  Window window(options, kept_.get(), problem);
+  const BundleSummary result = window.Solve();
+  if (result.success) window.TakeOver();
   return result;
 }
 

@@ -20,6 +20,7 @@ class BundleAdjuster {
 
  private:
   struct Kept;
+  class Window;
   std::unique_ptr<Kept> kept_;
 };
 

@@ -127,92 +127,117 @@ std::vector<int32_t> BowSearch::Covisible(const std::string& requester, int32_t 
   return ToHandles(submap.first, CovisibleKeyframes(AsOf(requester, submap, seq), KeyframeId(entry.keyframe)));
 }
 
+BowAnswer::Status BowSearch::MakeScope(const std::vector<StreamCursor>& cursors, IndexScope* scope) const {
+  scope->last_seq.assign(sessions_.empty() ? 0 : static_cast<size_t>(sessions_.rbegin()->first), -1);
+  for (const StreamCursor& cursor : cursors) {
+    if (!IsSessionId(cursor.session)) return BowAnswer::Status::kBadQuery;
+    const SessionInfo* session = FindSession(cursor.session);
+    if (session == nullptr || cursor.seq > session->row.cumulative) return BowAnswer::Status::kNotYet;
+    scope->last_seq[static_cast<size_t>(IndexNumber(session->row.id))] = cursor.seq;
+  }
+  std::vector<std::pair<std::string, int32_t>> by_uuid;
+  for (const auto& [id, session] : sessions_) by_uuid.emplace_back(session.row.uuid, IndexNumber(id));
+  std::sort(by_uuid.begin(), by_uuid.end());
+  scope->session_rank.resize(scope->last_seq.size());
+  for (size_t i = 0; i < by_uuid.size(); ++i)
+    scope->session_rank[static_cast<size_t>(by_uuid[i].second)] = static_cast<int32_t>(i);
+  return BowAnswer::Status::kOk;
+}
+
+BowSearch::Asked BowSearch::FindAsked(const BowQuery& query, const IndexScope& scope) {
+  Asked asked;
+  asked.status = BowAnswer::Status::kUnknownKeyframe;
+  asked.session = FindSession(query.session);
+  if (asked.session == nullptr) return asked;
+  const SessionRow& row = asked.session->row;
+  const int64_t seq = scope.last_seq[static_cast<size_t>(IndexNumber(row.id))];
+  if (seq < 0) {  // its own session must be among the cursors
+    asked.status = BowAnswer::Status::kBadQuery;
+    return asked;
+  }
+  const auto handle = asked.session->handles.find(query.keyframe.value);
+  if (handle == asked.session->handles.end()) return asked;
+  asked.handle = handle->second;
+  asked.entry = index_.Entry(handle->second);
+  if (asked.entry.seq > seq || asked.entry.removed_seq <= seq) return asked;
+  asked.submap = &AsOf(query.requester, {row.id, SubmapId(asked.entry.submap)}, seq);
+  if (asked.submap->keyframes.contains(query.keyframe)) asked.status = BowAnswer::Status::kOk;
+  return asked;
+}
+
+AdaptiveThresholds BowSearch::DescribeAsked(const Asked& asked, const std::map<KeyframeId, int>& shared_points,
+                                            BowAnswer* answer) const {
+  const auto keyframe = asked.submap->keyframes.find(answer->keyframe);
+  if (keyframe != asked.submap->keyframes.begin()) answer->adjacent = std::prev(keyframe)->first;
+  const int num_points = CountMapPoints(keyframe->second);
+  std::vector<Overlap> overlaps;
+  overlaps.reserve(shared_points.size());
+  for (const auto& [id, shared] : shared_points)
+    overlaps.push_back({id.value, static_cast<double>(shared) / num_points});
+  answer->nearby = KeyframeId(ChooseNearby(overlaps, answer->adjacent.value, options_.thresholds));
+
+  const auto find_bow = [&](KeyframeId id) {
+    const auto found = asked.session->handles.find(id.value);
+    return found == asked.session->handles.end() ? nullptr : &index_.Bow(found->second);
+  };
+  const AdaptiveThresholds thresholds = ComputeThresholds(index_.Bow(asked.handle), find_bow(answer->adjacent),
+                                                          find_bow(answer->nearby), options_.thresholds);
+  answer->n0 = thresholds.n0;
+  answer->n1 = thresholds.n1;
+  answer->s0 = static_cast<float>(thresholds.s0);
+  answer->s1 = static_cast<float>(thresholds.s1);
+  answer->k = static_cast<float>(thresholds.k);
+  answer->l = static_cast<float>(thresholds.l);
+  return thresholds;
+}
+
+void BowSearch::Propose(const Selection& selection, BowAnswer* answer) const {
+  answer->max_common_words = static_cast<int32_t>(std::lround(selection.max_common_words));
+  answer->best_group_score = static_cast<float>(selection.best_group_score);
+  for (const Candidate& candidate : selection.candidates) {
+    const IndexEntry& found = index_.Entry(candidate.handle);
+    answer->proposals.push_back({sessions_.at(found.session + 1).row.uuid, SubmapId(found.submap),
+                                 KeyframeId(found.keyframe), static_cast<float>(candidate.group_score),
+                                 static_cast<float>(candidate.score), candidate.common_words});
+  }
+}
+
 BowAnswer BowSearch::Query(const BowQuery& query) {
   BowAnswer answer;
   answer.id = query.id;
   answer.requester = query.requester;
   answer.session = query.session;
   answer.keyframe = query.keyframe;
-  const auto fail = [&](BowAnswer::Status status) {
-    answer.status = status;
-    return answer;
-  };
-
   IndexScope scope;
-  scope.last_seq.assign(sessions_.empty() ? 0 : static_cast<size_t>(sessions_.rbegin()->first), -1);
-  for (const StreamCursor& cursor : query.cursors) {
-    if (!IsSessionId(cursor.session)) return fail(BowAnswer::Status::kBadQuery);
-    const SessionInfo* session = FindSession(cursor.session);
-    if (session == nullptr || cursor.seq > session->row.cumulative) return fail(BowAnswer::Status::kNotYet);
-    scope.last_seq[static_cast<size_t>(IndexNumber(session->row.id))] = cursor.seq;
-  }
-  std::vector<std::pair<std::string, int32_t>> by_uuid;
-  for (const auto& [id, session] : sessions_) by_uuid.emplace_back(session.row.uuid, IndexNumber(id));
-  std::sort(by_uuid.begin(), by_uuid.end());
-  scope.session_rank.resize(scope.last_seq.size());
-  for (size_t i = 0; i < by_uuid.size(); ++i)
-    scope.session_rank[static_cast<size_t>(by_uuid[i].second)] = static_cast<int32_t>(i);
+  answer.status = MakeScope(query.cursors, &scope);
+  if (answer.status != BowAnswer::Status::kOk) return answer;
+  const Asked asked = FindAsked(query, scope);
+  answer.status = asked.status;
+  if (answer.status != BowAnswer::Status::kOk) return answer;
 
-  const SessionInfo* own = FindSession(query.session);
-  if (own == nullptr) return fail(BowAnswer::Status::kUnknownKeyframe);
-  const int64_t own_seq = scope.last_seq[static_cast<size_t>(IndexNumber(own->row.id))];
-  if (own_seq < 0) return fail(BowAnswer::Status::kBadQuery);  // its own session must be among the cursors
-  const auto handle = own->handles.find(query.keyframe.value);
-  if (handle == own->handles.end()) return fail(BowAnswer::Status::kUnknownKeyframe);
-  const IndexEntry entry = index_.Entry(handle->second);
-  if (entry.seq > own_seq || entry.removed_seq <= own_seq) return fail(BowAnswer::Status::kUnknownKeyframe);
-
-  const Submap& submap = AsOf(query.requester, {own->row.id, SubmapId(entry.submap)}, own_seq);
-  const auto keyframe = submap.keyframes.find(query.keyframe);
-  if (keyframe == submap.keyframes.end()) return fail(BowAnswer::Status::kUnknownKeyframe);
-  if (keyframe != submap.keyframes.begin()) answer.adjacent = std::prev(keyframe)->first;
-  const int num_points = CountMapPoints(keyframe->second);
-  std::vector<Overlap> overlaps;
-  std::vector<KeyframeId> covisible;
-  for (const auto& [id, shared] : SharedPoints(submap, keyframe->first)) {
-    overlaps.push_back({id.value, static_cast<double>(shared) / num_points});
-    if (shared >= kMinCovisible) covisible.push_back(id);
-  }
-  answer.nearby = KeyframeId(ChooseNearby(overlaps, answer.adjacent.value, options_.thresholds));
-
-  const BowVector& bow = index_.Bow(handle->second);
-  const auto find_bow = [&](KeyframeId id) {
-    const auto found = own->handles.find(id.value);
-    return found == own->handles.end() ? nullptr : &index_.Bow(found->second);
-  };
-  const AdaptiveThresholds thresholds =
-      ComputeThresholds(bow, find_bow(answer.adjacent), find_bow(answer.nearby), options_.thresholds);
-  answer.n0 = thresholds.n0;
-  answer.n1 = thresholds.n1;
-  answer.s0 = static_cast<float>(thresholds.s0);
-  answer.s1 = static_cast<float>(thresholds.s1);
-  answer.k = static_cast<float>(thresholds.k);
-  answer.l = static_cast<float>(thresholds.l);
-
+  const std::map<KeyframeId, int> shared_points = SharedPoints(*asked.submap, query.keyframe);
+  const AdaptiveThresholds thresholds = DescribeAsked(asked, shared_points, &answer);
   if (query.same_submap) {
-    scope.excluded_handles = ToHandles(own->row.id, covisible);
-    scope.excluded_handles.push_back(handle->second);
-    if (answer.adjacent.IsValid()) scope.excluded_handles.push_back(own->handles.at(answer.adjacent.value));
+    std::vector<KeyframeId> covisible;
+    for (const auto& [id, shared] : shared_points) {
+      if (shared >= kMinCovisible) covisible.push_back(id);
+    }
+    scope.excluded_handles = ToHandles(asked.session->row.id, covisible);
+    scope.excluded_handles.push_back(asked.handle);
+    if (answer.adjacent.IsValid()) scope.excluded_handles.push_back(asked.session->handles.at(answer.adjacent.value));
   } else {
-    scope.excluded_session = entry.session;
-    scope.excluded_submap = entry.submap;
+    scope.excluded_session = asked.entry.session;
+    scope.excluded_submap = asked.entry.submap;
   }
   SelectionOptions selection_options = options_.selection;
   if (query.max_results > 0) selection_options.max_results = std::min(query.max_results, kMaxResults);
-  const Selection selection = SelectCandidates(
-      index_.Query(bow, scope, thresholds.k), bow.Size(), thresholds,
-      [&](int32_t other) {
-        return Covisible(query.requester, other, scope.last_seq[static_cast<size_t>(index_.Entry(other).session)]);
-      },
-      selection_options);
-  answer.max_common_words = static_cast<int32_t>(std::lround(selection.max_common_words));
-  answer.best_group_score = static_cast<float>(selection.best_group_score);
-  for (const Candidate& candidate : selection.candidates) {
-    const IndexEntry& found = index_.Entry(candidate.handle);
-    answer.proposals.push_back({sessions_.at(found.session + 1).row.uuid, SubmapId(found.submap),
-                                KeyframeId(found.keyframe), static_cast<float>(candidate.group_score),
-                                static_cast<float>(candidate.score), candidate.common_words});
-  }
+  const BowVector& bow = index_.Bow(asked.handle);
+  const auto covisible = [&](int32_t other) {
+    return Covisible(query.requester, other, scope.last_seq[static_cast<size_t>(index_.Entry(other).session)]);
+  };
+  Propose(
+      SelectCandidates(index_.Query(bow, scope, thresholds.k), bow.Size(), thresholds, covisible, selection_options),
+      &answer);
   return answer;
 }
 

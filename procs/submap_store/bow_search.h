@@ -69,7 +69,23 @@ class BowSearch {
     SubmapTracker tracker;
   };
 
+  // The keyframe that a query asks about, as of the records that it names.
+  struct Asked {
+    BowAnswer::Status status = BowAnswer::Status::kOk;  // if not, the rest is not set
+    const SessionInfo* session = nullptr;
+    IndexEntry entry;
+    int32_t handle = -1;
+    const Submap* submap = nullptr;
+  };
+
   const SessionInfo* FindSession(const std::string& uuid) const;
+  // Fills in how much of each session counts, and the order of sessions, which must not depend on that of their rows.
+  BowAnswer::Status MakeScope(const std::vector<StreamCursor>& cursors, IndexScope* scope) const;
+  Asked FindAsked(const BowQuery& query, const IndexScope& scope);
+  // Neighbours and thresholds of the keyframe asked about go into the answer; returns the thresholds.
+  AdaptiveThresholds DescribeAsked(const Asked& asked, const std::map<KeyframeId, int>& shared_points,
+                                   BowAnswer* answer) const;
+  void Propose(const Selection& selection, BowAnswer* answer) const;
   const Submap& AsOf(const std::string& requester, const SubmapIndex& submap, int64_t seq);
   std::vector<int32_t> Covisible(const std::string& requester, int32_t handle, int64_t seq);
   std::vector<int32_t> ToHandles(int64_t session, const std::vector<KeyframeId>& keyframes) const;
