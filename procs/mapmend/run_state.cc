@@ -43,9 +43,17 @@ std::string DescribeEnd(const std::string& folder) {
   const nlohmann::ordered_json summary = ReadSummary(folder);
   const size_t parts = summary.value("components", nlohmann::ordered_json::array()).size();
   const std::string pieces = parts == 0 ? "no map" : parts == 1 ? "one piece" : std::to_string(parts) + " parts";
+  std::string stacks;  // of the merging process, as the paper's Table 1 ends
+  if (const auto steps = summary.find("restoration"); steps != summary.end() && !steps->empty()) {
+    const auto stack = [&](const char* letters) {
+      const std::string text = steps->back().value(letters, "");
+      return text.empty() ? std::string("–") : text;
+    };
+    stacks = "; L1 " + stack("L1_letters") + ", L2 " + stack("L2_letters");
+  }
   return "the run in " + folder + " has ended: " + pieces + ", " + std::to_string(summary.value("frames_in_main", 0)) +
-         " of " + std::to_string(summary.value("frames_in", 0)) + " frames in the main map; report " + folder +
-         "/report.html";
+         " of " + std::to_string(summary.value("frames_in", 0)) + " frames in the main map" + stacks + "; report " +
+         folder + "/report.html";
 }
 
 BusAddressFile::BusAddressFile(const std::string& out, const std::string& url) : path_(AddressPath(out)) {

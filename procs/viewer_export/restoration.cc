@@ -69,4 +69,13 @@ RestorationTable MakeRestorationTable(const Snapshot& snapshot) {
   return table;
 }
 
+std::string DescribeStacks(const Snapshot& snapshot) {
+  const std::vector<RestorationStep> steps = MakeRestorationTable(snapshot).steps;
+  if (steps.empty()) return "";
+  const auto stack = [](const std::vector<std::vector<int>>& maps) {
+    return maps.empty() ? std::string("–") : StackLetters(maps);
+  };
+  return "L1 " + stack(steps.back().unrecovered) + "; L2 " + stack(steps.back().tracked);
+}
+
 }  // namespace mapmend

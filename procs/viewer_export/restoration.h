@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "libs/merging/restoration_log.h"
@@ -16,5 +17,8 @@ struct RestorationTable {
   std::vector<const EvaluatedConnection*> connections;
 };
 RestorationTable MakeRestorationTable(const Snapshot& snapshot);
+
+// The stacks as they are now: "L1 A, D-C-B; L2 G-E", with a dash for an empty one. Empty before the first submap.
+std::string DescribeStacks(const Snapshot& snapshot);
 
 }  // namespace mapmend

@@ -18,6 +18,8 @@
 #include "procs/viewer_export/exporter.h"
 #include "procs/viewer_export/live_server.h"
 #include "procs/viewer_export/live_state.h"
+#include "procs/viewer_export/restoration.h"
+#include "procs/viewer_export/snapshot.h"
 
 namespace mapmend {
 namespace {
@@ -31,6 +33,8 @@ constexpr int kFetchTimeoutMs = 1500;
 constexpr auto kAskInterval = std::chrono::seconds(1);
 // The live page is worked out again at most this often.
 constexpr auto kLiveInterval = std::chrono::milliseconds(500);
+// The stacks of the merging process likewise.
+constexpr auto kStacksInterval = std::chrono::seconds(1);
 
 }  // namespace
 
@@ -51,6 +55,8 @@ struct Viewer::Impl {
   void ExportIfComplete();
   void CountForHealth();
   void UpdateLivePage();
+  // What `mapmend status` shows of the merging process.
+  const std::string& Stacks();
   const GroundTruth* TruthOrNull() const { return options.ground_truth ? &*options.ground_truth : nullptr; }
 
   const ViewerOptions options;
@@ -65,7 +71,9 @@ struct Viewer::Impl {
   int64_t announced = -1;         // newest revision that the merger spoke of
   int64_t fetched = -1;           // newest revision read from the store
   int64_t exported_version = -1;  // of the model, when it was last exported
-  Clock::time_point next_ask, next_live;
+  Clock::time_point next_ask, next_live, next_stacks;
+  std::string stacks;
+  int64_t stacks_version = -1;  // of the model, when they were worked out
   std::vector<Subscription> subscriptions;
 };
 
@@ -115,7 +123,7 @@ void Viewer::Impl::FetchRevision() {
 void Viewer::Impl::ExportIfComplete() {
   // A final revision counts once it has been read with its parts, not when only its transforms were announced.
   if (!model.IsComplete() || model.Revision().transforms.revision > fetched) {
-    health.SetState(model.SessionOrder().empty() ? "ready" : "busy");
+    health.SetState(model.SessionOrder().empty() ? "ready" : "busy", Stacks());
     return;
   }
   if (exported_version == model.Version()) return;
@@ -143,6 +151,18 @@ void Viewer::Impl::CountForHealth() {
   health.SetQueueDepth(consumer.QueueDepth());
   health.SetCounter("revision", static_cast<double>(model.Revision().transforms.revision));
   health.SetCounter("bad_messages", static_cast<double>(bus->NumRefused() + consumer.NumRefused() + num_bad_records));
+}
+
+const std::string& Viewer::Impl::Stacks() {
+  if (model.Version() == stacks_version || Clock::now() < next_stacks) return stacks;
+  const auto started = Clock::now();
+  stacks = DescribeStacks(MakeSnapshot(model));
+  stacks_version = model.Version();
+  // A large map takes a while to be worked out: at most a fiftieth of the time goes into it.
+  constexpr int kPauseShare = 50;
+  const auto now = Clock::now();
+  next_stacks = now + std::max<Clock::duration>(kStacksInterval, kPauseShare * (now - started));
+  return stacks;
 }
 
 void Viewer::Impl::UpdateLivePage() {

@@ -40,6 +40,19 @@ TEST(Restoration, OnlyAcceptedConnectionsMerge) {
   EXPECT_EQ(StackLetters(table.steps[1].unrecovered), "A");
 }
 
+TEST(Restoration, StacksAreThoseOfTheLastStep) {
+  const TestFlight flight;
+  MapModel model = MakeModel(flight);
+  MapRevision revision = flight.Revision();
+  model.SetRevision(revision);
+  EXPECT_EQ(DescribeStacks(MakeSnapshot(model)), "L1 –; L2 B-A");
+  ++revision.transforms.revision;
+  revision.connections[0].verdict = EvaluatedConnection::Verdict::kRejected;
+  model.SetRevision(revision);
+  EXPECT_EQ(DescribeStacks(MakeSnapshot(model)), "L1 A; L2 B");
+  EXPECT_EQ(DescribeStacks(MakeSnapshot(MapModel())), "");
+}
+
 // The connection came over the bus before the records of its keyframes.
 TEST(Restoration, AKeyframeThatIsNotKnownYetTellsNoTime) {
   const TestFlight flight;
