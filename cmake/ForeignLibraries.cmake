@@ -41,6 +41,9 @@ mapmend_foreign_library(mapmend_opencv opencv2/core.hpp
 # Videos: OpenCV's own reader cannot choose a track, and knows neither edit lists nor times of its frames to the end.
 mapmend_foreign_library(mapmend_libav libavformat/avformat.h avformat avcodec avutil swscale)
 
+# Pictures of the ground as GeoTIFF.
+mapmend_foreign_library(mapmend_gdal gdal_priv.h gdal SUFFIXES gdal)
+
 # JPEG: tells when a part of an image is missing. Capture times: EXIF.
 mapmend_foreign_library(mapmend_turbojpeg turbojpeg.h turbojpeg)
 mapmend_foreign_library(mapmend_exiv2 exiv2/exiv2.hpp exiv2)

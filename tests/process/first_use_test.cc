@@ -72,8 +72,9 @@ TEST_F(FirstUseTest, StatusOfARunThatHasEndedSaysSoAndEnds) {
   EXPECT_FALSE(std::filesystem::exists(Out() + "/logs/lcm-url"));
   const CommandResult status = Call({"status", Out()});
   EXPECT_EQ(status.exit_code, 0);
-  EXPECT_EQ(status.output, "the run in " + Out() + " has ended: one piece, 12 of 12 frames in the main map; L1 –, L2 A; report " +
-                               Out() + "/report.html\n");
+  EXPECT_EQ(status.output, "the run in " + Out() +
+                               " has ended: one piece, 12 of 12 frames in the main map; L1 –, L2 A; report " + Out() +
+                               "/report.html\n");
   EXPECT_TRUE(Json::parse(Call({"status", Out(), "--json"}).output).at("ended"));
   const CommandResult none = Call({"status", folder_->Path()});
   EXPECT_EQ(none.exit_code, 1);
