@@ -54,7 +54,7 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", std::string("mapmend simulate ") + MAPMEND_VERSION);
   std::string name, out, frames, size;
   uint64_t seed = 0;
-  double fps = 0;
+  double fps = 0, ortho = 0;
   int threads = 0;
   bool list = false, images = false, quiet = false;
   app.add_option("--scenario", name, "A scenario file, or the name of one of those in data/scenarios");
@@ -66,6 +66,8 @@ int main(int argc, char** argv) {
   const auto* fps_option = app.add_option("--fps", fps, "Another frame rate; the run lasts as long as before");
   app.add_option("--threads", threads, "Threads (default: one per core); the result does not depend on it")
       ->check(CLI::Range(0, 256));
+  app.add_option("--ortho", ortho, "Also ortho.png and ortho.pgw, the land from straight above: metres per pixel")
+      ->check(CLI::Range(0.001, 1000.0));
   app.add_flag("--images", images, "A folder of PNG files, images/, in place of the video");
   app.add_flag("--quiet", quiet, "No progress line");
   app.add_flag("--list", list, "List the scenarios and end");
@@ -123,6 +125,7 @@ int main(int argc, char** argv) {
       }
       return stop_requested == 0;
     });
+    if (whole && ortho > 0) WriteOrtho(simulator, ortho, out);
     if (!quiet) std::fprintf(stderr, "\n");
     if (!whole) {
       std::cerr << "mapmend: simulate: interrupted; nothing was written\n";

@@ -48,6 +48,11 @@ class Simulator {
 bool WriteRun(Simulator* simulator, int first, int last, const std::string& dir,
               const std::function<bool(int, int)>& progress);
 
+// Writes DIR/ortho.png, the land exactly as it is seen from straight above without any sensor, and DIR/ortho.pgw, its
+// world file: metres, x east, y north.
+//   gsd  size of a pixel on the ground, metres
+void WriteOrtho(const Simulator& simulator, double gsd, const std::string& dir);
+
 // The files' texts, for the frames that are not left out.
 std::string FormatCamera(const Scenario& scenario);
 std::string FormatGps(const Simulator& simulator, int first, int last);
