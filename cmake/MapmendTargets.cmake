@@ -69,7 +69,7 @@ function(mapmend_unit_tests area)
   target_link_libraries(unit_${area} PRIVATE ${ARG_LIBS} GTest::gtest GTest::gmock GTest::gtest_main mapmend_flags)
   target_compile_definitions(unit_${area} PRIVATE MAPMEND_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
                                                   MAPMEND_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
-  gtest_discover_tests(unit_${area} TEST_PREFIX "${area}/" DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 120)
+  gtest_discover_tests(unit_${area} TEST_PREFIX "${area}/" DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 600)
 endfunction()
 
 # mapmend_benchmark(NAME LIBS ...): NAME_benchmark.cc in the current folder, with Google Benchmark.

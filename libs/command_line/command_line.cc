@@ -1,5 +1,6 @@
 #include "libs/command_line/command_line.h"
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>
 

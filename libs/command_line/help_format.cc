@@ -1,5 +1,6 @@
 #include "libs/command_line/help_format.h"
 
+#include <CLI/CLI.hpp>
 #include <map>
 
 namespace mapmend {

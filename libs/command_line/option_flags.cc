@@ -1,5 +1,6 @@
 #include "libs/command_line/option_flags.h"
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>
 #include <iterator>

@@ -50,7 +50,9 @@ Exposure SolveExposure(int num_images, const std::vector<std::vector<BrightnessS
   const int n = num_images, num_unknowns = 3 * n + 2;  // log gains by channel, then a and b
   Eigen::VectorXd x = Eigen::VectorXd::Zero(num_unknowns);
   for (int round = 0; round < options.num_rounds && !equations.empty(); ++round) {
+    constexpr size_t kEntriesOfEquation = 3 * 16;
     std::vector<Eigen::Triplet<double>> entries;
+    entries.reserve(static_cast<size_t>(num_unknowns) + kEntriesOfEquation * equations.size());
     Eigen::VectorXd g = Eigen::VectorXd::Zero(num_unknowns);
     for (int i = 0; i < 3 * n; ++i) entries.emplace_back(i, i, 1 / (options.prior_sigma * options.prior_sigma));
     for (int i = 3 * n; i < num_unknowns; ++i)
@@ -81,8 +83,8 @@ Exposure SolveExposure(int num_images, const std::vector<std::vector<BrightnessS
     for (int c = 0; c < 3; ++c)
       exposure.gains[static_cast<size_t>(i)][static_cast<size_t>(c)] = static_cast<float>(std::exp(x[c * n + i]));
   }
-  exposure.a = x[3 * n];
-  exposure.b = x[3 * n + 1];
+  exposure.a = x[num_unknowns - 2];
+  exposure.b = x[num_unknowns - 1];
   return exposure;
 }
 

@@ -19,6 +19,7 @@ std::vector<Eigen::Vector2f> BorderPixels(int width, int height) {
   constexpr int kPerSide = 8;
   const auto w = static_cast<float>(width - 1), h = static_cast<float>(height - 1);
   std::vector<Eigen::Vector2f> pixels;
+  pixels.reserve(4 * kPerSide);
   for (int i = 0; i < kPerSide; ++i) pixels.emplace_back(w * static_cast<float>(i) / kPerSide, 0.0F);
   for (int i = 0; i < kPerSide; ++i) pixels.emplace_back(w, h * static_cast<float>(i) / kPerSide);
   for (int i = 0; i < kPerSide; ++i) pixels.emplace_back(w * (1 - static_cast<float>(i) / kPerSide), h);
@@ -32,6 +33,7 @@ std::vector<Eigen::Vector3d> BorderRays(const Camera& camera) {
   std::vector<bool> seen;
   const std::vector<Eigen::Vector2f> pixels = camera.Undistort(BorderPixels(camera.width, camera.height), &seen);
   std::vector<Eigen::Vector3d> rays;
+  rays.reserve(pixels.size());
   for (size_t i = 0; i < pixels.size(); ++i) {
     if (seen[i]) rays.push_back(ideal.Unproject(pixels[i].cast<double>()));
   }

@@ -3,6 +3,8 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
+
 #include "libs/command_line/command_line.h"
 #include "libs/command_line/option_flags.h"
 #include "libs/image_messages/image_log.h"

@@ -1,8 +1,11 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
+
+namespace CLI {
+class App;
+}  // namespace CLI
 
 // The subcommands of `mapmend`. Each Add<X>Command (in <x>_command.cc) adds one subcommand with its options to app; its
 // callback runs after parsing, in the calling thread. A callback throws std::exception for an error (main prints one

@@ -1,5 +1,6 @@
 // `mapmend eval EST.tum ... GT.tum`: absolute trajectory error after alignment, coverage, a picture.
 
+#include <CLI/CLI.hpp>
 #include <cmath>
 #include <iostream>
 #include <memory>

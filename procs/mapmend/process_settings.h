@@ -1,12 +1,15 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <map>
 #include <string>
 #include <vector>
 
 #include "procs/mapmend/supervisor.h"
 #include "procs/mapmend/watchdog.h"
+
+namespace CLI {
+class App;
+}  // namespace CLI
 
 namespace mapmend {
 

@@ -1,5 +1,6 @@
 // `mapmend publish`: plays a video or a folder of images onto the bus, as a camera process would.
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cstdio>

@@ -1,6 +1,7 @@
 // `mapmend vocab`: train a vocabulary on a folder of images, convert it, look at it, and measure how well it recognises
 // places.
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cstdio>

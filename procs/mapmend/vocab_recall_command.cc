@@ -1,5 +1,6 @@
 // `mapmend vocab recall`: how often a vocabulary finds the same place again, on a flight with ground truth.
 
+#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <map>
 #include <memory>

@@ -1,3 +1,5 @@
+#include <CLI/CLI.hpp>
+
 #include "libs/command_line/command_line.h"
 #include "libs/command_line/option_flags.h"
 #include "procs/merger/merger_process.h"

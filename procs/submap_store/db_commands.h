@@ -1,8 +1,11 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
+
+namespace CLI {
+class App;
+}  // namespace CLI
 
 // The tools of `mapmend db`: each looks into or rewrites a database file that must not be in use by a store that writes
 // it (info, check and hash may read it meanwhile). They throw std::runtime_error with one line for a file that cannot

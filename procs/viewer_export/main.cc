@@ -1,5 +1,6 @@
 // viewer_export: follows a flight, shows it on a live page and writes the exports when the final map is there.
 
+#include <CLI/CLI.hpp>
 #include <cmath>
 
 #include "libs/bus/bus.h"

@@ -34,7 +34,7 @@ TEST(Append, TheSecondFlightJoinsTheMapOfTheFirst) {
                                      "--times",
                                      kFlight + "times.txt"};
     argv.insert(argv.end(), more.begin(), more.end());
-    return RunCommand(argv, 240);
+    return RunCommand(argv, kPatienceS);
   };
   // The last strip of the first flight, and the first strips of the second, which crosses it.
   const CommandResult first = run("0-55,81-171", {});

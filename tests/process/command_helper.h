@@ -39,6 +39,10 @@ class RunningCommand {
   std::optional<CommandResult> result_;
 };
 
+// How long a flight or a command over a map may take, seconds: twenty seconds on an idle machine; only what hangs takes
+// longer than this on a busy one.
+constexpr double kPatienceS = 900;
+
 // Runs a command to its end; fails the test if it takes longer than timeout_s or leaves a process behind.
 CommandResult RunCommand(const std::vector<std::string>& argv, double timeout_s = 60);
 

@@ -23,7 +23,7 @@ const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/she
 
 CommandResult Call(std::vector<std::string> arguments) {
   arguments.insert(arguments.begin(), kProgram);
-  return RunCommand(arguments, 240);
+  return RunCommand(arguments, kPatienceS);
 }
 std::string Hash(const std::string& db) { return Call({"db", "hash", db}).output; }
 bool Contains(const CommandResult& result, const std::string& text) {

@@ -15,7 +15,7 @@ const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/she
 
 CommandResult Call(std::vector<std::string> arguments) {
   arguments.insert(arguments.begin(), kProgram);
-  return RunCommand(arguments, 240);
+  return RunCommand(arguments, kPatienceS);
 }
 std::string Hash(const std::string& db) { return Call({"db", "hash", db}).output; }
 nlohmann::json Summary(const std::string& out) { return nlohmann::json::parse(ReadText(out + "/summary.json")); }
@@ -118,7 +118,7 @@ TEST_F(Edges, OnASystemAtWorkTheDecisionIsHeededToTheEnd) {
       60))
       << off.output << ReadText(*folder_ / "live_output");
   EXPECT_TRUE(Contains(off, "switched off by hand: 0 - 1")) << off.output;
-  const auto result = run.Wait(240);
+  const auto result = run.Wait(kPatienceS);
   ASSERT_TRUE(result);
   ASSERT_EQ(result->exit_code, 0) << result->output;
   const nlohmann::json summary = Summary(out);

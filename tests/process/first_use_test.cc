@@ -19,7 +19,7 @@ const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/she
 CommandResult Call(const std::vector<std::string>& words) {
   std::vector<std::string> command = {kProgram};
   command.insert(command.end(), words.begin(), words.end());
-  return RunCommand(command, 300);
+  return RunCommand(command, kPatienceS);
 }
 
 std::vector<std::string> RunWords(const std::string& out, const std::vector<std::string>& more) {
@@ -88,7 +88,7 @@ TEST_F(FirstUseTest, StatusFollowsARunToItsEnd) {
   RunningCommand run(words, *folder_ / "run_output");
   ASSERT_TRUE(WaitUntil([&] { return std::filesystem::exists(out + "/logs/lcm-url"); }, 60));
   RunningCommand status({kProgram, "status", out}, *folder_ / "status_output");
-  const auto ended = status.Wait(240);
+  const auto ended = status.Wait(kPatienceS);
   ASSERT_TRUE(ended.has_value());
   EXPECT_EQ(ended->exit_code, 0) << ended->output;
   EXPECT_NE(ended->output.find("has ended: one piece"), std::string::npos) << ended->output;

@@ -54,7 +54,7 @@ TEST(FullDisk, TheFlightGoesOnAndIsWholeWhenThereIsRoomAgain) {
       << ReadText(folder / "output");
   SleepSeconds(2);
   ASSERT_TRUE(disk.Resize("200m"));
-  const auto result = run.Wait(300);
+  const auto result = run.Wait(kPatienceS);
   ASSERT_TRUE(result) << ReadText(folder / "output");
   EXPECT_EQ(result->exit_code, 0) << result->output;
   const nlohmann::json summary = nlohmann::json::parse(ReadText(folder / "disk/out/summary.json"));
@@ -74,7 +74,7 @@ TEST(FullDisk, WithoutRoomTheFlightEndsWithOneLineAndIsRecoveredLater) {
   EXPECT_NE(result->output.find("disk full: "), std::string::npos) << result->output;
   EXPECT_EQ(run.Survivors(), std::vector<pid_t>());
   ASSERT_TRUE(disk.Resize("200m"));
-  const auto recovered = RunCommand({kProgram, "recover", out}, 240);
+  const auto recovered = RunCommand({kProgram, "recover", out}, kPatienceS);
   EXPECT_EQ(recovered.exit_code, 0) << recovered.output;
   EXPECT_TRUE(fs::exists(out + "/report.html"));
 }
@@ -83,7 +83,7 @@ TEST(FullDisk, ARecordingThatBreaksOffIsToldAtOnceAndInTheExitCode) {
   const TemporaryFolder folder;
   SmallDisk disk(folder / "disk", "500k");
   if (!disk.IsMounted()) GTEST_SKIP() << "cannot mount a small disk here";
-  const auto result = RunCommand(RunArguments(folder / "out", {"--record", folder / "disk"}), 300);
+  const auto result = RunCommand(RunArguments(folder / "out", {"--record", folder / "disk"}), kPatienceS);
   EXPECT_EQ(result.exit_code, 1) << result.output;
   const std::string line = "the recording " + (folder / "disk") + "/mapmend.lcmlog is not whole";
   EXPECT_NE(result.output.find(line), std::string::npos) << result.output;
@@ -97,7 +97,7 @@ TEST(Recording, AKilledLoggerIsTold) {
   const pid_t logger = FindProcess(run, "lcm-logger");
   ASSERT_GT(logger, 0);
   kill(logger, SIGKILL);
-  const auto result = run.Wait(300);
+  const auto result = run.Wait(kPatienceS);
   ASSERT_TRUE(result) << ReadText(folder / "output");
   EXPECT_EQ(result->exit_code, 1) << result->output;
   EXPECT_NE(result->output.find("is not whole: lcm-logger ended with signal 9 (Killed)"), std::string::npos)

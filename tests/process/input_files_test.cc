@@ -28,7 +28,7 @@ class InputFilesTest : public testing::Test {
     std::vector<std::string> argv = {kProgram, "run", "--camera", kFlight + "camera.yaml",
                                      "--port", "0",   "--out",    folder_ / "out"};
     argv.insert(argv.end(), arguments.begin(), arguments.end());
-    return RunCommand(argv, 180);
+    return RunCommand(argv, kPatienceS);
   }
   nlohmann::json Summary() { return nlohmann::json::parse(ReadText(folder_ / "out/summary.json")); }
   // The first frames of the flight as frame1.jpg, frame2.jpg, ...

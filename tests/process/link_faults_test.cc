@@ -16,7 +16,7 @@
 namespace mapmend {
 namespace {
 
-constexpr int kOutageMs = 8000, kFinishMs = 180000;
+constexpr int kOutageMs = 8000, kFinishMs = 900000;
 constexpr double kMaxWaitMs = 2000;  // of one Append on a busy machine; the outages are much longer
 
 class LinkFaults : public ::testing::Test {

@@ -78,8 +78,9 @@ class FrontendHealth {
 TEST(Realtime, AFrontendThatIsTooSlowDropsFramesAndSaysHowMany) {
   const TemporaryFolder folder;
   const std::string out = folder / "out";
-  const CommandResult result = RunCommand(
-      {kProgram, "run", kFlight + "video.mp4", "--realtime", "--speed", "5000", "--out", out, "--port", "0"}, 180);
+  const CommandResult result =
+      RunCommand({kProgram, "run", kFlight + "video.mp4", "--realtime", "--speed", "5000", "--out", out, "--port", "0"},
+                 kPatienceS);
   ASSERT_TRUE(result.exit_code == 0 || result.exit_code == 4) << result.output;
   const nlohmann::json summary = Summary(out);
   const int dropped = summary["frontend"]["frames_dropped"], read = summary["frames_in"];
@@ -99,10 +100,11 @@ TEST(Live, ACameraOnTheBusGivesAMap) {
   const std::string out = folder / "out", url = FreeUrl();
   RunningCommand run(LiveArguments(out, url), folder / "run");
   const CommandResult published = RunCommand(
-      {kProgram, "publish", kFlight + "video.mp4", "--skip-frames", "30-171", "--speed", "15", "--lcm-url", url}, 120);
+      {kProgram, "publish", kFlight + "video.mp4", "--skip-frames", "30-171", "--speed", "15", "--lcm-url", url},
+      kPatienceS);
   ASSERT_EQ(published.exit_code, 0) << published.output << ReadText(folder / "run");
   EXPECT_NE(published.output.find("30 images published"), std::string::npos) << published.output;
-  const auto result = run.Wait(120);
+  const auto result = run.Wait(kPatienceS);
   ASSERT_TRUE(result) << ReadText(folder / "run");
   ASSERT_EQ(result->exit_code, 0) << result->output;
   EXPECT_EQ(run.Survivors(), std::vector<pid_t>());

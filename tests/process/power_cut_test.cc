@@ -69,7 +69,7 @@ TEST(PowerCut, RecoverMapsWhatTheStoreHadNotTakenYet) {
   ASSERT_TRUE(WaitUntil([&] { return fs::file_size(out + "/outbox") > 300000; }, 60));
   CutPower(&run);
   const int stored = Count(out, "keyframe");
-  const auto result = RunCommand({kProgram, "recover", out}, 240);
+  const auto result = RunCommand({kProgram, "recover", out}, kPatienceS);
   EXPECT_EQ(result.exit_code, 0) << result.output;
   EXPECT_NE(result.output.find("/outbox: "), std::string::npos) << result.output;
   EXPECT_NE(result.output.find(" was cut off after frame "), std::string::npos) << result.output;
@@ -95,7 +95,7 @@ TEST(PowerCut, MergeDeliversTheOutboxFirst) {
   ASSERT_TRUE(WaitUntil([&] { return fs::file_size(out + "/outbox") > 300000; }, 60));
   CutPower(&run);
   const int stored = Count(out, "keyframe");
-  const auto result = RunCommand({kProgram, "merge", out}, 240);
+  const auto result = RunCommand({kProgram, "merge", out}, kPatienceS);
   EXPECT_EQ(result.exit_code, 0) << result.output;
   EXPECT_GE(Count(out, "keyframe"), stored + 3);
   EXPECT_EQ(Count(out, "session WHERE ended = 0"), 0);
@@ -112,7 +112,7 @@ TEST(PowerCut, TheFlightGoesOnAfterIt) {
     ASSERT_TRUE(WaitUntil([&] { return Count(out, "keyframe") >= keyframes; }, 120)) << ReadText(folder / "output");
     CutPower(&run);
   }
-  const auto result = RunCommand(RunArguments(out, {"--continue"}), 240);
+  const auto result = RunCommand(RunArguments(out, {"--continue"}), kPatienceS);
   EXPECT_EQ(result.exit_code, 0) << result.output;
   EXPECT_NE(result.output.find("going on with the flight at frame "), std::string::npos) << result.output;
   EXPECT_EQ(Count(out, "session"), 1);
@@ -130,8 +130,8 @@ TEST(PowerCut, TheFlightGoesOnAfterItWasRecovered) {
   RunningCommand run(RunArguments(out), folder / "output");
   ASSERT_TRUE(WaitUntil([&] { return Count(out, "keyframe") >= 12; }, 90)) << ReadText(folder / "output");
   CutPower(&run);
-  ASSERT_EQ(RunCommand({kProgram, "recover", out}, 240).exit_code, 0);
-  const auto result = RunCommand(RunArguments(out, {"--continue"}), 240);
+  ASSERT_EQ(RunCommand({kProgram, "recover", out}, kPatienceS).exit_code, 0);
+  const auto result = RunCommand(RunArguments(out, {"--continue"}), kPatienceS);
   EXPECT_EQ(result.exit_code, 0) << result.output;
   EXPECT_EQ(Count(out, "session"), 2);
   const nlohmann::json summary = Summary(out);
@@ -214,7 +214,7 @@ TEST(PowerCut, NothingIsLostThatWasTrackedASecondBefore) {
     CutPower(&run);
     const std::set<int> tracked = diary.TrackedBefore(cut - std::chrono::seconds(1));
     num_checked += tracked.size();
-    const auto result = RunCommand({kProgram, "recover", out}, 240);
+    const auto result = RunCommand({kProgram, "recover", out}, kPatienceS);
     if (result.exit_code == 1 && tracked.empty()) continue;  // nothing was stored yet
     EXPECT_EQ(result.exit_code, 0) << result.output;
     const std::set<int> mapped = MappedFrames(out);

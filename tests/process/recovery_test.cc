@@ -40,7 +40,7 @@ nlohmann::json Summary(const std::string& out) {
 
 TEST(Recovery, KilledProcessesComeBackAndTheMapIsTheSame) {
   const TemporaryFolder folder;
-  ASSERT_EQ(RunCommand(RunArguments(folder / "undisturbed"), 240).exit_code, 0);
+  ASSERT_EQ(RunCommand(RunArguments(folder / "undisturbed"), kPatienceS).exit_code, 0);
 
   RunningCommand run(RunArguments(folder / "disturbed"), folder / "output");
   ASSERT_TRUE(WaitUntil([&] { return FindProcess(run, "frontend") > 0; }, 60)) << ReadText(folder / "output");
@@ -49,7 +49,7 @@ TEST(Recovery, KilledProcessesComeBackAndTheMapIsTheSame) {
     SleepSeconds(0.2);
     KillAndAwaitReturn(run, program);
   }
-  const auto result = run.Wait(240);
+  const auto result = run.Wait(kPatienceS);
   ASSERT_TRUE(result) << ReadText(folder / "output");
   EXPECT_EQ(result->exit_code, 0) << result->output;
   EXPECT_EQ(run.Survivors(), std::vector<pid_t>());
@@ -70,7 +70,7 @@ TEST(Recovery, AKilledFrontendGoesOnWithTheFlight) {
       60))
       << ReadText(folder / "output");
   KillAndAwaitReturn(run, "frontend");
-  const auto result = run.Wait(240);
+  const auto result = run.Wait(kPatienceS);
   ASSERT_TRUE(result) << ReadText(folder / "output");
   EXPECT_EQ(result->exit_code, 0) << result->output;
   EXPECT_NE(result->output.find("frontend ended with signal 9 (Killed); it is started again"), std::string::npos)

@@ -48,7 +48,7 @@ TEST(Replay, TheMapIsTheSameAtEverySpeedAndAfterRestartsOfMergerAndStore) {
       KillAndAwaitReturn(run, "merger");
       KillAndAwaitReturn(run, "submap_store");
     }
-    const auto result = run.Wait(240);
+    const auto result = run.Wait(kPatienceS);
     ASSERT_TRUE(result) << ReadText(folder / ("output" + speed));
     EXPECT_EQ(result->exit_code, 0) << result->output;
     EXPECT_EQ(Hash(out + "/map.db"), flown);

@@ -41,7 +41,7 @@ class SmallMapTest : public testing::Test {
     argv.insert(argv.end(), more.begin(), more.end());
     if (std::find(more.begin(), more.end(), "--camera") == more.end())
       argv.insert(argv.end(), {"--camera", kFlight + "camera.yaml"});
-    return RunCommand(argv, 300);
+    return RunCommand(argv, kPatienceS);
   }
   std::string Out() const { return folder_ / "out"; }
   // The exit code is 4, the last line names the reason, and every file that is named is there.

@@ -32,7 +32,7 @@ class StationTest : public testing::Test {
   // Ctrl-C on the ground once both have delivered all; then the map must hold both in one piece.
   void ExpectOneMapOfBoth(RunningCommand* station) {
     station->Signal(SIGINT);
-    const auto result = station->Wait(180);
+    const auto result = station->Wait(kPatienceS);
     ASSERT_TRUE(result) << ReadText(folder_ / "station");
     ASSERT_EQ(result->exit_code, 0) << result->output;
     EXPECT_EQ(station->Survivors(), std::vector<pid_t>());
@@ -57,7 +57,7 @@ TEST_F(StationTest, TwoVehiclesAtTheSameTimeEndInOneMap) {
   RunningCommand red(FlyArguments("red", kRedLeavesOut), folder_ / "red.txt");
   RunningCommand blue(FlyArguments("blue", kBlueLeavesOut), folder_ / "blue.txt");
   for (RunningCommand* vehicle : {&red, &blue}) {
-    const auto result = vehicle->Wait(240);
+    const auto result = vehicle->Wait(kPatienceS);
     ASSERT_TRUE(result) << ReadText(folder_ / "station");
     EXPECT_EQ(result->exit_code, 0) << result->output;
   }
@@ -76,12 +76,12 @@ TEST_F(StationTest, AStationThatLosesPowerGoesOnWhereItWas) {
   SleepSeconds(3);
   station = std::make_unique<RunningCommand>(StationArguments(), folder_ / "station");
   for (RunningCommand* vehicle : {&red, &blue}) {
-    const auto result = vehicle->Wait(240);
+    const auto result = vehicle->Wait(kPatienceS);
     ASSERT_TRUE(result) << ReadText(folder_ / "station");
     EXPECT_EQ(result->exit_code, 0) << result->output;
   }
   station->Signal(SIGINT);
-  const auto result = station->Wait(180);
+  const auto result = station->Wait(kPatienceS);
   ASSERT_TRUE(result) << ReadText(folder_ / "station");
   ASSERT_EQ(result->exit_code, 0) << result->output;
   const nlohmann::json summary = nlohmann::json::parse(ReadText(ground_ + "/summary.json"));
@@ -102,7 +102,7 @@ TEST_F(StationTest, AFlightWithoutAStationIsKeptAndDeliveredByTheNext) {
   RunningCommand station(StationArguments(), folder_ / "station");
   auto second = FlyArguments("blue", kBlueLeavesOut);
   second.back() = folder_ / "red";  // the same folder on board
-  const CommandResult result = RunCommand(second, 240);
+  const CommandResult result = RunCommand(second, kPatienceS);
   EXPECT_EQ(result.exit_code, 0) << result.output;
   EXPECT_FALSE(std::filesystem::exists(folder_ / "red/outbox"));
   ExpectOneMapOfBoth(&station);

@@ -73,7 +73,7 @@ void Replay(const std::vector<EncodedRecord>& records, const std::string& url, c
 
 TEST(StoreKills, TheMergedMapIsThatOfAnUndisturbedFlight) {
   const TemporaryFolder folder;
-  ASSERT_EQ(RunCommand(RunArguments(folder / "undisturbed"), 240).exit_code, 0);
+  ASSERT_EQ(RunCommand(RunArguments(folder / "undisturbed"), kPatienceS).exit_code, 0);
   const auto hash = [&](const std::string& db) {
     return RunProgram({ProgramPath("mapmend"), "db", "hash", db}, folder / "hash.txt").output;
   };
