@@ -2,11 +2,9 @@
 
 #include <cstdint>
 #include <memory>
-#include <vector>
 
 #include "libs/features/features.h"
 #include "libs/features/matching.h"
-#include "libs/geometry/rigid3.h"
 
 namespace cv {
 class Mat;
@@ -14,8 +12,8 @@ class Mat;
 
 namespace mapmend {
 
-// One image after feature extraction. points is filled by tracking: per feature the index of the observed point in the
-// working map, -1 without.
+// One image after feature extraction; const once made. Where it lies in a submap and what it sees of it is in its
+// TrackResult, and in its WorkingKeyframe if it becomes one.
 struct Frame {
   int index = -1;  // in the input
   int64_t utime = 0;
@@ -24,11 +22,10 @@ struct Frame {
   double sharpness = 0;        // mean absolute Laplacian, grey levels
   Features features;
   FeatureGrid grid;
-  std::shared_ptr<const cv::Mat> image;  // grey, for wide features; null: not kept, or let go of
-  std::vector<int> points;
-  Rigid3 cam_from_submap;
+  // Grey, for wide features; null: not kept, or let go of, which is all of a frame that ever changes.
+  mutable std::shared_ptr<const cv::Mat> image;
 };
 
-using FramePtr = std::shared_ptr<Frame>;
+using FramePtr = std::shared_ptr<const Frame>;
 
 }  // namespace mapmend

@@ -41,12 +41,12 @@ Frontend::Frontend(const FrontendOptions& options, const Pinhole& camera, const 
       wide_(options.wide),
       motion_(options.motion) {
   if (!options.mapping_thread) return;
-  mapping_ = std::make_unique<MappingThread>([this](int keyframe, MapLock* lock) { MapKeyframe(keyframe, lock); });
+  mapping_ =
+      std::make_unique<MappingThread>([this](KeyframeIndex keyframe, MapLock* lock) { MapKeyframe(keyframe, lock); });
   lock_ = MapLock(mapping_->Mutex(), std::defer_lock);
 }
 
 FrameOutcome Frontend::ProcessFrame(const FramePtr& frame) {
-  frame->points.assign(frame->features.Size(), -1);
   const StageTimer timer(mapping_ ? "track/frame" : "track+map/frame");
   const auto begin = std::chrono::steady_clock::now();
   const Locked locked(&lock_);
@@ -85,48 +85,49 @@ void Frontend::Begin(const Initialization& initialization, FrameOutcome* outcome
   for (const WorkingKeyframe& keyframe : map_->Keyframes()) wide_.OnKeyframe(keyframe.frame);
   frames_since_start_ = 0;
   lost_ = {};
-  last_keyframe_ = last_reference_ = 1;
+  last_keyframe_ = last_reference_ = KeyframeIndex(1);
+  const Rigid3& pose = map_->Keyframe(last_keyframe_).cam_from_submap;
   motion_.Clear();
-  motion_.Add(initialization.second, false);
+  motion_.Add(initialization.second, pose, last_keyframe_, false);
   outcome->state = FrontendState::kTracking;
   outcome->method = TrackMethod::kInitialised;
   outcome->cause = LossReason::kNone;
   outcome->keyframe = true;
   outcome->submap = map_->Id();
-  outcome->cam_from_submap = initialization.second->cam_from_submap;
+  outcome->cam_from_submap = pose;
   outcome->num_inliers = static_cast<int>(initialization.points.size());
 }
 
 FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
-  const TrackResult result = Track(frame.get());
+  const TrackResult result = Track(*frame);
   return result.success ? OnTracked(frame, result) : OnLost(frame, result.reason);
 }
 
-double Frontend::MedianDepth(const Frame& frame) const {
+double Frontend::MedianDepth(const TrackResult& tracked) const {
   std::vector<double> depths;
-  for (const int p : frame.points) {
-    if (p >= 0) depths.push_back((frame.cam_from_submap * map_->Point(p).position).z());
+  for (const PointIndex p : tracked.points) {
+    if (!p.IsNone()) depths.push_back((tracked.cam_from_submap * map_->Point(p).position).z());
   }
   std::nth_element(depths.begin(), depths.begin() + depths.size() / 2, depths.end());
   return depths[depths.size() / 2];
 }
 
-TrackResult Frontend::Track(Frame* frame) {
-  std::vector<int> hints = {last_reference_};
-  for (int k = last_keyframe_; k >= std::max(0, last_keyframe_ - 2); --k) {
+TrackResult Frontend::Track(const Frame& frame) {
+  std::vector<KeyframeIndex> hints = {last_reference_};
+  for (KeyframeIndex k = last_keyframe_; !k.IsNone() && k >= last_keyframe_ - 2; --k) {
     if (k != last_reference_) hints.push_back(k);
   }
   if (options_.relocalise_only && lost_.Count() >= options_.max_lost_frames) {
-    const std::vector<int> alike = relocaliser_.Candidates(*map_, *frame);
+    const std::vector<KeyframeIndex> alike = relocaliser_.Candidates(*map_, frame);
     hints.insert(hints.end(), alike.begin(), alike.end());
   }
-  const std::optional<Rigid3> prediction = lost_.Count() == 0 ? motion_.Predict(frame->utime) : std::nullopt;
-  TrackResult result = tracker_.Track(prediction, hints, map_.get(), frame);
-  if (result.success && prediction && motion_.IsJump(*frame, MedianDepth(*frame)) &&
+  motion_.Refresh(*map_);
+  const std::optional<Rigid3> prediction = lost_.Count() == 0 ? motion_.Predict(frame.utime) : std::nullopt;
+  TrackResult result = tracker_.Track(prediction, hints, frame, map_.get());
+  if (result.success && prediction && motion_.IsJump(result.cam_from_submap, MedianDepth(result)) &&
       result.num_inliers < options_.jump_found_share * result.num_visible) {
     result.success = false;
     result.reason = LossReason::kInconsistentMotion;
-    std::fill(frame->points.begin(), frame->points.end(), -1);
   }
   return result;
 }
@@ -137,20 +138,22 @@ FrameOutcome Frontend::OnTracked(const FramePtr& frame, const TrackResult& resul
   outcome.state = FrontendState::kTracking;
   outcome.method = result.method;
   outcome.num_inliers = result.num_inliers;
-  motion_.Add(frame, lost_.Count() == 0);
+  const bool follows = lost_.Count() == 0;
   last_reference_ = result.reference_keyframe;
   ++frames_since_start_;
   TrackLostFrames();
-  outcome.keyframe = NeedsKeyframe(*frame, result);
+  outcome.keyframe = NeedsKeyframe(result);
+  outcome.cam_from_submap = result.cam_from_submap;
   if (outcome.keyframe) {
-    InsertKeyframe(frame);
+    InsertKeyframe(frame, result);
+    outcome.cam_from_submap = map_->Keyframe(last_keyframe_).cam_from_submap;
   } else {
-    publisher_.NoteFrame(*map_, *frame, result.reference_keyframe);
+    publisher_.NoteFrame(*map_, *frame, result.cam_from_submap, result.reference_keyframe);
     // A keyframe at hand publishes them anyway, and records must not be emitted by two threads at a time.
     if (!mapping_ || mapping_->NumUnfinished() == 0)
       publisher_.PublishWaitingFrames(frame->utime, map_->Id(), mapping_ != nullptr);
   }
-  outcome.cam_from_submap = frame->cam_from_submap;
+  motion_.Add(frame, outcome.cam_from_submap, outcome.keyframe ? last_keyframe_ : KeyframeIndex(), follows);
   if (!publisher_.Believed() && frames_since_start_ >= options_.confirm_frames)
     outcome.submap_begin = Believe(frame->utime);
   if (publisher_.Believed()) wide_.OnTracked(*map_);
@@ -160,8 +163,8 @@ FrameOutcome Frontend::OnTracked(const FramePtr& frame, const TrackResult& resul
 void Frontend::TrackLostFrames() {
   std::reverse(lost_.frames.begin(), lost_.frames.end());
   for (const FramePtr& frame : lost_.frames) {
-    const TrackResult result = tracker_.TrackAfterwards({last_reference_, last_keyframe_}, map_.get(), frame.get());
-    if (result.success) publisher_.NoteFrame(*map_, *frame, result.reference_keyframe);
+    const TrackResult result = tracker_.TrackAfterwards({last_reference_, last_keyframe_}, *frame, map_.get());
+    if (result.success) publisher_.NoteFrame(*map_, *frame, result.cam_from_submap, result.reference_keyframe);
   }
   lost_ = {};
 }
@@ -213,17 +216,17 @@ void Frontend::WaitToRelocalise() {
   lost_.frames.clear();  // what lies before the place where it is found again stays missing
 }
 
-bool Frontend::NeedsKeyframe(const Frame& frame, const TrackResult& result) const {
+bool Frontend::NeedsKeyframe(const TrackResult& tracked) const {
   const bool is_busy = mapping_ && mapping_->NumUnfinished() > 0;
-  if (is_busy && !keyframes_.IsUrgent(result.num_inliers)) return false;
-  return keyframes_.NeedsKeyframe(keyframes_.Measure(*map_, frame, result.reference_keyframe, result.num_inliers));
+  if (is_busy && !keyframes_.IsUrgent(tracked.num_inliers)) return false;
+  return keyframes_.NeedsKeyframe(keyframes_.Measure(*map_, tracked));
 }
 
-void Frontend::InsertKeyframe(const FramePtr& frame) {
-  last_keyframe_ = map_->AddKeyframe(frame);
+void Frontend::InsertKeyframe(const FramePtr& frame, const TrackResult& tracked) {
+  last_keyframe_ = map_->AddKeyframe(frame, tracked.cam_from_submap, tracked.points);
   last_reference_ = last_keyframe_;
   wide_.OnKeyframe(frame);
-  publisher_.NoteFrame(*map_, *frame, last_keyframe_);
+  publisher_.NoteKeyframe(*map_, last_keyframe_);
   if (mapping_) {
     mapping_->Push(last_keyframe_);
     WaitForMapping(static_cast<size_t>(options_.max_unmapped_keyframes));
@@ -236,7 +239,7 @@ void Frontend::InsertKeyframe(const FramePtr& frame) {
 }
 
 // In the mapping thread.
-void Frontend::MapKeyframe(int keyframe, MapLock* lock) {
+void Frontend::MapKeyframe(KeyframeIndex keyframe, MapLock* lock) {
   const StageTimer timer("map/keyframe");
   const int64_t utime = map_->Keyframe(keyframe).frame->utime;
   mapper_.Process(keyframe, map_.get(), lock);
@@ -255,7 +258,7 @@ void Frontend::AbandonSubmap() {
   WaitForMapping();
   publisher_.Forget();
   ids_.next_submap = map_->Id().value;
-  starter_.NoteMistake(map_->Keyframe(0).frame);
+  starter_.NoteMistake(map_->Keyframes().front().frame);
   LeaveSubmap();
 }
 

@@ -120,7 +120,7 @@ class Frontend {
 
   FrameOutcome Initialise(const FramePtr& frame);
   FrameOutcome TrackFrame(const FramePtr& frame);
-  TrackResult Track(Frame* frame);
+  TrackResult Track(const Frame& frame);
   FrameOutcome OnTracked(const FramePtr& frame, const TrackResult& result);
   FrameOutcome OnLost(const FramePtr& frame, LossReason reason);
   // Of a believed submap, with relocalise_only.
@@ -129,10 +129,10 @@ class Frontend {
   void Begin(const Initialization& initialization, FrameOutcome* outcome);
   // Frames that failed before one that was tracked may be seen from there.
   void TrackLostFrames();
-  double MedianDepth(const Frame& frame) const;
-  bool NeedsKeyframe(const Frame& frame, const TrackResult& result) const;
-  void InsertKeyframe(const FramePtr& frame);
-  void MapKeyframe(int keyframe, MapLock* lock);
+  double MedianDepth(const TrackResult& tracked) const;
+  bool NeedsKeyframe(const TrackResult& tracked) const;
+  void InsertKeyframe(const FramePtr& frame, const TrackResult& tracked);
+  void MapKeyframe(KeyframeIndex keyframe, MapLock* lock);
   void WaitForMapping(size_t unfinished_keyframes = 0);
   // Wide features that are to be published with this frame.
   void EmitWide();
@@ -157,8 +157,8 @@ class Frontend {
   MotionModel motion_;
   LostFrames lost_;
   int frames_since_start_ = 0;
-  int last_keyframe_ = -1;
-  int last_reference_ = -1;
+  KeyframeIndex last_keyframe_;
+  KeyframeIndex last_reference_;
   int num_losses_ = 0;
   double mapping_s_ = 0;                    // of the current frame
   MapLock lock_;                            // while a frame is processed

@@ -305,7 +305,7 @@ Initialization Initializer::Try(const FramePtr& first, const FramePtr& second,
   result.second_from_first.translation *= scale;
   for (size_t i = 0; i < best.matches.size(); ++i) {
     const Match& m = found[best.matches[i]];
-    result.points.push_back({m.a, m.b, best.points[i] * scale});
+    result.points.push_back({FeatureIndex(m.a), FeatureIndex(m.b), best.points[i] * scale});
   }
   result.success = true;
   result.reason = LossReason::kNone;

@@ -10,6 +10,7 @@
 #include "libs/geometry/chi_square.h"
 #include "libs/stream/records.h"
 #include "procs/frontend/frame.h"
+#include "procs/frontend/index.h"
 #include "procs/frontend/loss_reason.h"
 
 namespace mapmend {
@@ -44,7 +45,7 @@ struct InitializerOptions {
 };
 
 struct InitialPoint {
-  int first_feature = -1, second_feature = -1;
+  FeatureIndex first_feature, second_feature;
   Eigen::Vector3d position;  // in the frame of the first camera; median depth 1
 };
 

@@ -8,20 +8,19 @@
 
 namespace mapmend {
 
-KeyframeEvidence KeyframePolicy::Measure(const WorkingMap& map, const Frame& frame, int reference_keyframe,
-                                         int num_inliers) const {
+KeyframeEvidence KeyframePolicy::Measure(const WorkingMap& map, const TrackResult& tracked) const {
   KeyframeEvidence evidence;
-  evidence.num_inliers = num_inliers;
-  const Frame& key = *map.Keyframe(reference_keyframe).frame;
+  evidence.num_inliers = tracked.num_inliers;
+  const WorkingKeyframe& key = map.Keyframe(tracked.reference_keyframe);
   // Points that few keyframes saw are often not found again, through no fault of this frame's.
   const bool is_early = map.LastKeyframe() <= options_.solid_early;
   const auto enough = static_cast<size_t>(is_early ? options_.solid_early : options_.solid_observations);
-  const auto is_solid = [&](int p) { return p >= 0 && map.Point(p).observations.size() >= enough; };
+  const auto is_solid = [&](PointIndex p) { return !p.IsNone() && map.Point(p).observations.size() >= enough; };
   evidence.solid_points = static_cast<int>(std::count_if(key.points.begin(), key.points.end(), is_solid));
-  const Eigen::Vector3d center = frame.cam_from_submap.Center(), key_center = key.cam_from_submap.Center();
+  const Eigen::Vector3d center = tracked.cam_from_submap.Center(), key_center = key.cam_from_submap.Center();
   std::vector<double> cosines;
-  for (const int p : frame.points) {
-    if (p >= 0) cosines.push_back(CosIntersectionAngle(map.Point(p).position, center, key_center));
+  for (const PointIndex p : tracked.points) {
+    if (!p.IsNone()) cosines.push_back(CosIntersectionAngle(map.Point(p).position, center, key_center));
   }
   if (cosines.empty()) return evidence;
   std::nth_element(cosines.begin(), cosines.begin() + cosines.size() / 2, cosines.end());

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "libs/base/range.h"
-#include "procs/frontend/frame.h"
+#include "procs/frontend/tracker.h"
 #include "procs/frontend/working_map.h"
 
 namespace mapmend {
@@ -39,8 +39,8 @@ class KeyframePolicy {
  public:
   explicit KeyframePolicy(const KeyframePolicyOptions& options) : options_(options) {}
 
-  // frame: tracked in the map. reference_keyframe: that shares most points with it.
-  KeyframeEvidence Measure(const WorkingMap& map, const Frame& frame, int reference_keyframe, int num_inliers) const;
+  // tracked: with success, in the map.
+  KeyframeEvidence Measure(const WorkingMap& map, const TrackResult& tracked) const;
   bool NeedsKeyframe(const KeyframeEvidence& evidence) const;
   // A keyframe that is not in the map yet may bring the points that are lacking: only an urgent one joins it.
   bool IsUrgent(int num_inliers) const { return num_inliers < options_.urgent_inliers; }

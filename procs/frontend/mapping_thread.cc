@@ -17,7 +17,7 @@ MappingThread::~MappingThread() {
   thread_.join();
 }
 
-void MappingThread::Push(int keyframe) {
+void MappingThread::Push(KeyframeIndex keyframe) {
   if (error_) std::rethrow_exception(error_);
   keyframes_.push_back(keyframe);
   changed_.notify_all();

@@ -6,6 +6,7 @@
 #include <functional>
 #include <thread>
 
+#include "procs/frontend/index.h"
 #include "procs/frontend/map_lock.h"
 
 namespace mapmend {
@@ -16,7 +17,7 @@ namespace mapmend {
 class MappingThread {
  public:
   // Called in the thread, with the lock held; may give it back meanwhile, must hold it at the end.
-  using Job = std::function<void(int keyframe, MapLock* lock)>;
+  using Job = std::function<void(KeyframeIndex keyframe, MapLock* lock)>;
 
   explicit MappingThread(Job job);
   // Finishes the keyframe at hand; those that wait are forgotten.
@@ -26,7 +27,7 @@ class MappingThread {
   // The following need the lock.
   size_t NumUnfinished() const { return keyframes_.size(); }
   // These rethrow what a job threw.
-  void Push(int keyframe);
+  void Push(KeyframeIndex keyframe);
   // Waits until at most so many keyframes are not finished; gives the lock back meanwhile.
   void WaitUntilLeft(size_t keyframes, MapLock* lock);
 
@@ -36,7 +37,7 @@ class MappingThread {
   Job job_;
   FairMutex mutex_;
   std::condition_variable_any changed_;
-  std::deque<int> keyframes_;  // the first is at hand
+  std::deque<KeyframeIndex> keyframes_;  // the first is at hand
   std::exception_ptr error_;
   bool stop_ = false;
   std::thread thread_;

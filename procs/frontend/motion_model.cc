@@ -12,29 +12,36 @@ Rigid3 Extrapolate(const Rigid3& before, const Rigid3& last, double time_ratio) 
 
 }  // namespace
 
-void MotionModel::Add(const FramePtr& frame, bool follows) {
-  before_last_ = follows ? last_ : nullptr;
-  last_ = frame;
+void MotionModel::Add(const FramePtr& frame, const Rigid3& cam_from_submap, KeyframeIndex keyframe, bool follows) {
+  before_last_ = follows ? last_ : Place();
+  last_ = {frame, cam_from_submap, keyframe};
+}
+
+void MotionModel::Refresh(const WorkingMap& map) {
+  for (Place* place : {&before_last_, &last_}) {
+    if (!place->keyframe.IsNone()) place->cam_from_submap = map.Keyframe(place->keyframe).cam_from_submap;
+  }
 }
 
 std::optional<Rigid3> MotionModel::Predict(int64_t utime) const {
-  if (!last_ || !before_last_) return std::nullopt;
-  const double dt = static_cast<double>(last_->utime - before_last_->utime);
-  const double ahead = static_cast<double>(utime - last_->utime);
+  if (!last_.frame || !before_last_.frame) return std::nullopt;
+  const double dt = static_cast<double>(last_.frame->utime - before_last_.frame->utime);
+  const double ahead = static_cast<double>(utime - last_.frame->utime);
   if (dt <= 0 || ahead <= 0 || ahead > options_.max_time_ratio * dt) return std::nullopt;
-  return Extrapolate(before_last_->cam_from_submap, last_->cam_from_submap, ahead / dt);
+  return Extrapolate(before_last_.cam_from_submap, last_.cam_from_submap, ahead / dt);
 }
 
-bool MotionModel::IsJump(const Frame& frame, double depth) const {
-  const Eigen::Vector3d last = last_->cam_from_submap.Center();
-  const double step = (frame.cam_from_submap.Center() - last).norm();
-  const double last_step = (last - before_last_->cam_from_submap.Center()).norm();
+bool MotionModel::IsJump(const Rigid3& cam_from_submap, double depth) const {
+  const Eigen::Vector3d last = last_.cam_from_submap.Center();
+  const double step = (cam_from_submap.Center() - last).norm();
+  const double last_step = (last - before_last_.cam_from_submap.Center()).norm();
   return step > options_.max_jump_ratio * last_step && step > options_.max_jump * depth;
 }
 
 bool MotionModel::IsAfterGap(int64_t utime) const {
-  return before_last_ && static_cast<double>(utime - last_->utime) >
-                             options_.gap_ratio * static_cast<double>(last_->utime - before_last_->utime);
+  if (!before_last_.frame) return false;
+  const auto usual = static_cast<double>(last_.frame->utime - before_last_.frame->utime);
+  return static_cast<double>(utime - last_.frame->utime) > options_.gap_ratio * usual;
 }
 
 }  // namespace mapmend

@@ -4,7 +4,9 @@
 #include <optional>
 
 #include "libs/base/range.h"
+#include "libs/geometry/rigid3.h"
 #include "procs/frontend/frame.h"
+#include "procs/frontend/working_map.h"
 
 namespace mapmend {
 
@@ -29,23 +31,32 @@ class MotionModel {
   explicit MotionModel(const MotionModelOptions& options) : options_(options) {}
 
   // A frame that was tracked.
-  //   follows  it came right after the last one; else nothing is known of the motion between the two
-  void Add(const FramePtr& frame, bool follows);
-  void Clear() { last_ = before_last_ = nullptr; }
+  //   keyframe  that it has become; none: it is no keyframe
+  //   follows   it came right after the last one; else nothing is known of the motion between the two
+  void Add(const FramePtr& frame, const Rigid3& cam_from_submap, KeyframeIndex keyframe, bool follows);
+  // Before Predict and IsJump: keyframes among the last two have the poses that bundle adjustment has given them since.
+  void Refresh(const WorkingMap& map);
+  void Clear() { last_ = before_last_ = {}; }
 
   // The last frame that was tracked; null: none since Clear.
-  const FramePtr& Last() const { return last_; }
+  const FramePtr& Last() const { return last_.frame; }
   // cam_from_submap at that time; none if too little is known or the time lies too far ahead.
   std::optional<Rigid3> Predict(int64_t utime) const;
   // Whether a frame that Predict knew of lies implausibly far from the last one.
   //   depth  median of the points that the frame sees
-  bool IsJump(const Frame& frame, double depth) const;
+  bool IsJump(const Rigid3& cam_from_submap, double depth) const;
   // Whether images are missing before this time.
   bool IsAfterGap(int64_t utime) const;
 
  private:
+  struct Place {
+    FramePtr frame;
+    Rigid3 cam_from_submap;
+    KeyframeIndex keyframe;
+  };
+
   MotionModelOptions options_;
-  FramePtr last_, before_last_;  // of the submap that is tracked
+  Place last_, before_last_;  // in the submap that is tracked
 };
 
 }  // namespace mapmend

@@ -17,7 +17,7 @@ bool IsEmpty(const MapUpdate& update) {
 
 void RecordPublisher::Begin() {
   believed_ = false;
-  next_keyframe_ = 0;
+  next_keyframe_ = KeyframeIndex(0);
   frames_.clear();
 }
 
@@ -26,11 +26,16 @@ void RecordPublisher::Forget() {
   frames_.clear();
 }
 
-void RecordPublisher::NoteFrame(const WorkingMap& map, const Frame& frame, int reference_keyframe) {
+void RecordPublisher::NoteFrame(const WorkingMap& map, const Frame& frame, const Rigid3& cam_from_submap,
+                                KeyframeIndex reference_keyframe) {
   const WorkingKeyframe& reference = map.Keyframe(reference_keyframe);
-  frames_.push_back(
-      {frame.index, frame.utime, reference.id, frame.cam_from_submap * reference.frame->cam_from_submap.Inverse()});
+  frames_.push_back({frame.index, frame.utime, reference.id, cam_from_submap * reference.cam_from_submap.Inverse()});
   ++num_tracked_;
+}
+
+void RecordPublisher::NoteKeyframe(const WorkingMap& map, KeyframeIndex keyframe) {
+  const WorkingKeyframe& source = map.Keyframe(keyframe);
+  NoteFrame(map, *source.frame, source.cam_from_submap, keyframe);
 }
 
 const TrackedFrame& RecordPublisher::FirstFrame() const {
@@ -38,22 +43,22 @@ const TrackedFrame& RecordPublisher::FirstFrame() const {
   return *std::min_element(frames_.begin(), frames_.end(), by_frame);
 }
 
-KeyframeRecord RecordPublisher::Describe(int keyframe, const WorkingMap& map) const {
+KeyframeRecord RecordPublisher::Describe(KeyframeIndex keyframe, const WorkingMap& map) const {
   const WorkingKeyframe& source = map.Keyframe(keyframe);
   KeyframeRecord record;
   record.submap = map.Id();
   record.keyframe = source.id;
   record.frame = source.frame->index;
-  record.cam_from_submap = source.frame->cam_from_submap;
+  record.cam_from_submap = source.cam_from_submap;
   record.features = source.frame->features;
   record.map_points = map.PublishedPoints(keyframe);
   return record;
 }
 
-RecordPublisher::Records RecordPublisher::Take(int64_t utime, int last_keyframe, WorkingMap* map) {
+RecordPublisher::Records RecordPublisher::Take(int64_t utime, KeyframeIndex last_keyframe, WorkingMap* map) {
   Records records;
   if (!believed_) return records;
-  if (next_keyframe_ == 0) records.emplace_back(map->Keyframe(0).frame->utime, SubmapStarted{map->Id()});
+  if (next_keyframe_ == 0) records.emplace_back(map->Keyframes().front().frame->utime, SubmapStarted{map->Id()});
   for (; next_keyframe_ <= last_keyframe; ++next_keyframe_) {
     KeyframeRecord record = Describe(next_keyframe_, *map);
     map->MarkPublished(next_keyframe_);
@@ -61,7 +66,7 @@ RecordPublisher::Records RecordPublisher::Take(int64_t utime, int last_keyframe,
   }
   MapUpdate update = map->TakeUpdate();
   // Frames that refer to a keyframe that is not in the map yet follow with it.
-  const KeyframeId last_published = map->Keyframe(next_keyframe_ - 1).id;
+  const KeyframeId last_published = map->Keyframe(KeyframeIndex(next_keyframe_ - 1)).id;
   const auto later = std::stable_partition(frames_.begin(), frames_.end(),
                                            [&](const TrackedFrame& f) { return !(last_published < f.keyframe); });
   update.frames.assign(frames_.begin(), later);

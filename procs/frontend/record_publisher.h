@@ -45,10 +45,13 @@ class RecordPublisher {
   // The submap was a mistake: what was noted of it is forgotten.
   void Forget();
   // A frame with a pose, in the map that is tracked.
-  void NoteFrame(const WorkingMap& map, const Frame& frame, int reference_keyframe);
+  void NoteFrame(const WorkingMap& map, const Frame& frame, const Rigid3& cam_from_submap,
+                 KeyframeIndex reference_keyframe);
+  // The same of a frame that is a keyframe.
+  void NoteKeyframe(const WorkingMap& map, KeyframeIndex keyframe);
 
   // What is to be published up to a keyframe, which may still lack words; needs the map.
-  Records Take(int64_t utime, int last_keyframe, WorkingMap* map);
+  Records Take(int64_t utime, KeyframeIndex last_keyframe, WorkingMap* map);
   // Adds the words and emits; needs no map.
   void EmitAll(Records records) const;
   void Publish(int64_t utime, WorkingMap* map) { EmitAll(Take(utime, map->LastKeyframe(), map)); }
@@ -63,14 +66,14 @@ class RecordPublisher {
   int NumTracked() const { return num_tracked_; }
 
  private:
-  KeyframeRecord Describe(int keyframe, const WorkingMap& map) const;
+  KeyframeRecord Describe(KeyframeIndex keyframe, const WorkingMap& map) const;
   void AddWords(KeyframeRecord* record) const;
 
   RecordPublisherOptions options_;
   const Vocabulary* vocabulary_;
   Emit emit_;
   bool believed_ = false;
-  int next_keyframe_ = 0;             // the first one that is not published
+  KeyframeIndex next_keyframe_{0};    // the first one that is not published
   std::vector<TrackedFrame> frames_;  // not yet published
   int num_tracked_ = 0;
 };

@@ -6,20 +6,21 @@
 
 namespace mapmend {
 
-std::vector<int> Relocaliser::Candidates(const WorkingMap& map, const Frame& frame) {
+std::vector<KeyframeIndex> Relocaliser::Candidates(const WorkingMap& map, const Frame& frame) {
   if (vocabulary_ == nullptr) return {};
   while (keyframes_.size() < map.Keyframes().size()) {
-    const Frame& keyframe = *map.Keyframe(static_cast<int>(keyframes_.size())).frame;
+    const Frame& keyframe = *map.Keyframes()[keyframes_.size()].frame;
     keyframes_.push_back(vocabulary_->Transform(keyframe.features).bow);
   }
   const BowVector bow = vocabulary_->Transform(frame.features).bow;
   struct Candidate {
-    int keyframe = -1, num_words = 0;
+    KeyframeIndex keyframe;
+    int num_words = 0;
     double score = 0;
   };
   std::vector<Candidate> candidates;
   int most_words = 0;
-  for (int k = static_cast<int>(keyframes_.size()) - 1; k >= 0; --k) {
+  for (KeyframeIndex k = map.LastKeyframe(); !k.IsNone(); --k) {
     if (map.Keyframe(k).removed) continue;
     candidates.push_back({k, CountCommonWords(bow, keyframes_[k]), 0});
     most_words = std::max(most_words, candidates.back().num_words);
@@ -35,7 +36,7 @@ std::vector<int> Relocaliser::Candidates(const WorkingMap& map, const Frame& fra
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const Candidate& a, const Candidate& b) { return a.score > b.score; });
   if (static_cast<int>(candidates.size()) > options_.max_keyframes) candidates.resize(options_.max_keyframes);
-  std::vector<int> found;
+  std::vector<KeyframeIndex> found;
   found.reserve(candidates.size());
   for (const Candidate& c : candidates) found.push_back(c.keyframe);
   return found;

@@ -32,8 +32,8 @@ class Relocaliser {
   Relocaliser(const RelocaliserOptions& options, const Vocabulary* vocabulary)
       : options_(options), vocabulary_(vocabulary) {}
 
-  // Indices of keyframes, the likeliest first (ties: newer first). Words of keyframes are found once.
-  std::vector<int> Candidates(const WorkingMap& map, const Frame& frame);
+  // The likeliest first (ties: newer first). Words of keyframes are found once.
+  std::vector<KeyframeIndex> Candidates(const WorkingMap& map, const Frame& frame);
   // Another map: forgets the keyframes.
   void Clear() { keyframes_.clear(); }
 

@@ -6,21 +6,16 @@
 namespace mapmend {
 namespace {
 
-constexpr int kFirst = 0, kSecond = 1;  // keyframes of a submap that has just begun
+constexpr KeyframeIndex kFirst(0), kSecond(1);  // of a submap that has just begun
 
 }  // namespace
 
 std::unique_ptr<WorkingMap> SubmapStarter::MapOf(const Initialization& initialization, IdSource* ids) const {
   auto map = std::make_unique<WorkingMap>(SubmapId(ids->next_submap), pyramid_, ids);
-  const FramePtr &first = initialization.first, &second = initialization.second;
-  first->points.assign(first->features.Size(), -1);
-  second->points.assign(second->features.Size(), -1);
-  first->cam_from_submap = Rigid3();
-  second->cam_from_submap = initialization.second_from_first;
-  map->AddKeyframe(first);
-  map->AddKeyframe(second);
+  map->AddKeyframe(initialization.first, Rigid3());
+  map->AddKeyframe(initialization.second, initialization.second_from_first);
   for (const InitialPoint& p : initialization.points) {
-    const int point = map->AddPoint(p.position, kFirst);
+    const PointIndex point = map->AddPoint(p.position, kFirst);
     map->AddObservation(point, kFirst, p.first_feature);
     map->AddObservation(point, kSecond, p.second_feature);
     map->RefreshPoint(point);
@@ -38,8 +33,8 @@ std::unique_ptr<WorkingMap> SubmapStarter::Start(const Initialization& initializ
   }
   ++ids->next_submap;
   publisher_->Begin();
-  publisher_->NoteFrame(*map, *initialization.first, kFirst);
-  publisher_->NoteFrame(*map, *initialization.second, kSecond);
+  publisher_->NoteKeyframe(*map, kFirst);
+  publisher_->NoteKeyframe(*map, kSecond);
   TrackBetween(initialization, map.get());
   TrackBefore(initialization, map.get());
   return map;
@@ -50,8 +45,8 @@ void SubmapStarter::TrackBetween(const Initialization& initialization, WorkingMa
   auto at = std::find(frames.begin(), frames.end(), initialization.first);
   for (at = at == frames.end() ? at : at + 1; at != frames.end(); ++at) {
     if (*at == initialization.second) continue;
-    const TrackResult result = tracker_->TrackAfterwards({kFirst, kSecond}, map, at->get());
-    if (result.success) publisher_->NoteFrame(*map, **at, result.reference_keyframe);
+    const TrackResult result = tracker_->TrackAfterwards({kFirst, kSecond}, **at, map);
+    if (result.success) publisher_->NoteFrame(*map, **at, result.cam_from_submap, result.reference_keyframe);
   }
 }
 
@@ -59,19 +54,21 @@ void SubmapStarter::TrackBetween(const Initialization& initialization, WorkingMa
 void SubmapStarter::TrackBefore(const Initialization& initialization, WorkingMap* map) {
   const std::deque<FramePtr>& frames = initializer_.Frames();
   auto at = std::make_reverse_iterator(std::find(frames.begin(), frames.end(), initialization.first));
-  int hint = kFirst, misses = 0;
+  KeyframeIndex hint = kFirst;
+  int misses = 0;
   for (; at != frames.rend() && misses < options_.max_misses; ++at) {
     const FramePtr& frame = *at;
     if (frame == initialization.second) continue;
-    const TrackResult result = tracker_->TrackAfterwards({hint}, map, frame.get());
+    const TrackResult result = tracker_->TrackAfterwards({hint}, *frame, map);
     misses = result.success ? 0 : misses + 1;
     if (!result.success) continue;
-    int reference = result.reference_keyframe;
-    if (policy_->NeedsKeyframe(policy_->Measure(*map, *frame, reference, result.num_inliers))) {
-      reference = hint = map->AddKeyframe(frame);
+    if (policy_->NeedsKeyframe(policy_->Measure(*map, result))) {
+      hint = map->AddKeyframe(frame, result.cam_from_submap, result.points);
       mapper_->Process(hint, map);
+      publisher_->NoteKeyframe(*map, hint);
+    } else {
+      publisher_->NoteFrame(*map, *frame, result.cam_from_submap, result.reference_keyframe);
     }
-    publisher_->NoteFrame(*map, *frame, reference);
   }
 }
 

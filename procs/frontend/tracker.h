@@ -8,6 +8,7 @@
 #include "libs/features/matching.h"
 #include "libs/geometry/camera.h"
 #include "libs/geometry/pnp.h"
+#include "libs/geometry/rigid3.h"
 #include "libs/optim/pose_optimization.h"
 #include "procs/frontend/loss_reason.h"
 #include "procs/frontend/working_map.h"
@@ -92,8 +93,11 @@ struct TrackResult {
   int num_inliers = 0;
   int num_visible = 0;  // points of the local map that should be in view
   double spread = 0;
-  double position_sigma = 0;    // of the median depth; known if the inliers are enough
-  int reference_keyframe = -1;  // that shares most points
+  double position_sigma = 0;         // of the median depth; known if the inliers are enough
+  KeyframeIndex reference_keyframe;  // that shares most points
+  // With success:
+  Rigid3 cam_from_submap;
+  std::vector<PointIndex> points;  // that the frame observes, one for each feature; none without
 };
 
 // Finds the pose of a frame in the working map. Three ways, cheapest first: around the motion model's prediction; the
@@ -105,23 +109,48 @@ class Tracker {
   Tracker(const TrackerOptions& options, const Pinhole& camera, const Pyramid& pyramid)
       : options_(options), camera_(camera), pyramid_(pyramid) {}
 
-  // prediction: cam_from_submap by the motion model, if there is one. hints: keyframes to match with, best first. On
-  // success frame->points and cam_from_submap are set; on failure frame->points is all -1.
-  TrackResult Track(const std::optional<Rigid3>& prediction, const std::vector<int>& hints, WorkingMap* map,
-                    Frame* frame) const;
+  // prediction: cam_from_submap by the motion model, if there is one. hints: keyframes to match with, best first. With
+  // success the map's counters of what was visible and found go up.
+  TrackResult Track(const std::optional<Rigid3>& prediction, const std::vector<KeyframeIndex>& hints,
+                    const Frame& frame, WorkingMap* map) const;
   // A frame of the past, for which nothing that follows will tell whether its pose was right: its points must be spread
   // wider and fix it better.
-  TrackResult TrackAfterwards(const std::vector<int>& hints, WorkingMap* map, Frame* frame) const;
+  TrackResult TrackAfterwards(const std::vector<KeyframeIndex>& hints, const Frame& frame, WorkingMap* map) const;
 
  private:
+  // How points are searched around the pixels where they should be.
+  struct Window {
+    double radius_px = 0;
+    bool grows_with_octave = false;  // radius_px is that of octave 0
+    int max_distance = 0;            // bits
+    double ratio = 1;
+  };
+  // In each of these, pose and points of the result are what is known of the frame so far.
+  bool FindAroundPrediction(const Rigid3& prediction, const std::vector<KeyframeIndex>& hints, const Frame& frame,
+                            const WorkingMap& map, TrackResult* result) const;
+  bool FindByDescriptors(const std::vector<KeyframeIndex>& hints, const Frame& frame, const WorkingMap& map,
+                         TrackResult* result) const;
+  bool MatchKeyframe(const WorkingKeyframe& reference, const Frame& frame, const WorkingMap& map,
+                     TrackResult* result) const;
+  // Returns the points of the local map that should be in view.
+  std::vector<PointIndex> SearchLocalMap(const std::vector<KeyframeIndex>& hints, const Frame& frame,
+                                         const WorkingMap& map, TrackResult* result) const;
+  // kNone: it is.
+  LossReason WhyNotBelieved(const Frame& frame, const WorkingMap& map, TrackResult* result) const;
+
   // Keyframes whose points are searched: those that share points with the frame, then those they share points with.
-  std::vector<int> LocalKeyframes(const WorkingMap& map, const std::vector<int>& seeds, const Frame& frame) const;
-  std::vector<int> VisiblePoints(const WorkingMap& map, const std::vector<int>& points, const Rigid3& pose) const;
-  int SearchPoints(const WorkingMap& map, const std::vector<int>& points, const Rigid3& pose, double radius_px,
-                   bool scale_radius, int max_distance, Frame* frame) const;
-  std::vector<PoseObservation> Observations(const WorkingMap& map, const Frame& frame) const;
-  bool Optimize(const WorkingMap& map, const Rigid3& initial, Frame* frame, int* num_inliers) const;
-  bool MatchKeyframe(const WorkingMap& map, int keyframe, Frame* frame) const;
+  // seeds: instead of the former, if the frame has no points yet.
+  std::vector<KeyframeIndex> LocalKeyframes(const WorkingMap& map, const std::vector<KeyframeIndex>& seeds,
+                                            const std::vector<PointIndex>& points) const;
+  std::vector<PointIndex> VisiblePoints(const WorkingMap& map, const std::vector<PointIndex>& points,
+                                        const Rigid3& cam_from_submap) const;
+  // Adds to what the frame observes those of the candidates that it shows as well. Returns how many.
+  int SearchPoints(const WorkingMap& map, const std::vector<PointIndex>& candidates, const Rigid3& cam_from_submap,
+                   const Window& window, const Frame& frame, std::vector<PointIndex>* points) const;
+  std::vector<PoseObservation> Observations(const WorkingMap& map, const Frame& frame,
+                                            const std::vector<PointIndex>& points) const;
+  // From the result's points, which lose the outliers, and its pose.
+  bool Optimize(const WorkingMap& map, const Frame& frame, TrackResult* result) const;
 
   TrackerOptions options_;
   Pinhole camera_;

@@ -11,21 +11,23 @@ int WorkingMap::NumPoints() const {
       std::count_if(points_.begin(), points_.end(), [](const WorkingPoint& p) { return !p.removed; }));
 }
 
-int WorkingMap::AddKeyframe(const FramePtr& frame) {
-  const int index = static_cast<int>(keyframes_.size());
-  keyframes_.push_back({});
-  keyframes_.back().id = KeyframeId(ids_->next_keyframe++);
-  keyframes_.back().frame = frame;
-  const std::vector<int> observed = frame->points;
-  frame->points.assign(observed.size(), -1);
-  for (size_t i = 0; i < observed.size(); ++i) {
-    if (observed[i] >= 0 && !points_[observed[i]].removed) AddObservation(observed[i], index, static_cast<int>(i));
+KeyframeIndex WorkingMap::AddKeyframe(const FramePtr& frame, const Rigid3& cam_from_submap,
+                                      const std::vector<PointIndex>& points) {
+  const KeyframeIndex index(static_cast<int>(keyframes_.size()));
+  WorkingKeyframe& keyframe = keyframes_.emplace_back();
+  keyframe.id = KeyframeId(ids_->next_keyframe++);
+  keyframe.frame = frame;
+  keyframe.cam_from_submap = cam_from_submap;
+  keyframe.points.resize(frame->features.Size());
+  const FeatureIndex end(static_cast<int>(points.size()));
+  for (FeatureIndex i(0); i < end; ++i) {
+    if (!points[i].IsNone() && !points_[points[i]].removed) AddObservation(points[i], index, i);
   }
   return index;
 }
 
-int WorkingMap::AddPoint(const Eigen::Vector3d& position, int first_keyframe) {
-  const int index = static_cast<int>(points_.size());
+PointIndex WorkingMap::AddPoint(const Eigen::Vector3d& position, KeyframeIndex first_keyframe) {
+  const PointIndex index(static_cast<int>(points_.size()));
   WorkingPoint point;
   point.id = MapPointId(ids_->next_point++);
   point.position = position;
@@ -35,35 +37,35 @@ int WorkingMap::AddPoint(const Eigen::Vector3d& position, int first_keyframe) {
   return index;
 }
 
-void WorkingMap::AddObservation(int point, int keyframe, int feature) {
+void WorkingMap::AddObservation(PointIndex point, KeyframeIndex keyframe, FeatureIndex feature) {
   auto& observations = points_[point].observations;
   const auto at = std::lower_bound(observations.begin(), observations.end(), keyframe,
-                                   [](const WorkingObservation& o, int k) { return o.keyframe < k; });
-  int& slot = keyframes_[keyframe].frame->points[feature];
-  if ((at != observations.end() && at->keyframe == keyframe) || slot >= 0) return;
+                                   [](const WorkingObservation& o, KeyframeIndex k) { return o.keyframe < k; });
+  PointIndex& slot = keyframes_[keyframe].points[feature];
+  if ((at != observations.end() && at->keyframe == keyframe) || !slot.IsNone()) return;
   observations.insert(at, {keyframe, feature});
   slot = point;
   points_[point].descriptor_current = false;
   keyframes_[keyframe].dirty_features.push_back(feature);
 }
 
-void WorkingMap::RemoveObservation(int point, int keyframe) {
+void WorkingMap::RemoveObservation(PointIndex point, KeyframeIndex keyframe) {
   auto& observations = points_[point].observations;
   const auto at = std::find_if(observations.begin(), observations.end(),
                                [&](const WorkingObservation& o) { return o.keyframe == keyframe; });
   if (at == observations.end()) return;
-  keyframes_[keyframe].frame->points[at->feature] = -1;
+  keyframes_[keyframe].points[at->feature] = PointIndex();
   keyframes_[keyframe].dirty_features.push_back(at->feature);
   observations.erase(at);
   points_[point].descriptor_current = false;
   if (observations.size() < 2) RemovePoint(point);
 }
 
-void WorkingMap::RemovePoint(int point) {
+void WorkingMap::RemovePoint(PointIndex point) {
   WorkingPoint& p = points_[point];
   if (p.removed) return;
   for (const WorkingObservation& o : p.observations) {
-    keyframes_[o.keyframe].frame->points[o.feature] = -1;
+    keyframes_[o.keyframe].points[o.feature] = PointIndex();
     keyframes_[o.keyframe].dirty_features.push_back(o.feature);
   }
   p.observations.clear();
@@ -72,10 +74,11 @@ void WorkingMap::RemovePoint(int point) {
   p.published = false;
 }
 
-void WorkingMap::RemoveKeyframe(int keyframe) {
+void WorkingMap::RemoveKeyframe(KeyframeIndex keyframe) {
   WorkingKeyframe& k = keyframes_[keyframe];
-  for (const int p : PointsOf(keyframe)) RemoveObservation(p, keyframe);
+  for (const PointIndex p : PointsOf(keyframe)) RemoveObservation(p, keyframe);
   k.removed = true;
+  k.points.clear();
   k.dirty_features.clear();
   dirty_keyframes_.erase(keyframe);
   removed_keyframes_.push_back(k.id);
@@ -83,11 +86,10 @@ void WorkingMap::RemoveKeyframe(int keyframe) {
   const auto kept = std::make_shared<Frame>();
   kept->index = k.frame->index;
   kept->utime = k.frame->utime;
-  kept->cam_from_submap = k.frame->cam_from_submap;
   k.frame = kept;
 }
 
-void WorkingMap::FusePoints(int from, int into) {
+void WorkingMap::FusePoints(PointIndex from, PointIndex into) {
   if (from == into || points_[from].removed || points_[into].removed) return;
   const auto moved = points_[from].observations;
   points_[into].visible += points_[from].visible;
@@ -97,17 +99,17 @@ void WorkingMap::FusePoints(int from, int into) {
   RefreshPoint(into);
 }
 
-void WorkingMap::SetPose(int keyframe, const Rigid3& cam_from_submap) {
-  keyframes_[keyframe].frame->cam_from_submap = cam_from_submap;
+void WorkingMap::SetPose(KeyframeIndex keyframe, const Rigid3& cam_from_submap) {
+  keyframes_[keyframe].cam_from_submap = cam_from_submap;
   dirty_keyframes_.insert(keyframe);
 }
 
-void WorkingMap::SetPosition(int point, const Eigen::Vector3d& position) {
+void WorkingMap::SetPosition(PointIndex point, const Eigen::Vector3d& position) {
   points_[point].position = position;
   MarkDirty(point);
 }
 
-void WorkingMap::MarkDirty(int point) {
+void WorkingMap::MarkDirty(PointIndex point) {
   if (!points_[point].dirty) dirty_points_.push_back(point);
   points_[point].dirty = true;
 }
@@ -139,60 +141,60 @@ void WorkingMap::ChooseDescriptor(WorkingPoint* point) const {
   point->descriptor_current = true;
 }
 
-void WorkingMap::RefreshPoint(int point) {
+void WorkingMap::RefreshPoint(PointIndex point) {
   WorkingPoint& p = points_[point];
   if (p.removed || p.observations.empty()) return;
   if (!p.descriptor_current) ChooseDescriptor(&p);
   p.normal.setZero();
   for (const WorkingObservation& o : p.observations) {
-    p.normal += (keyframes_[o.keyframe].frame->cam_from_submap.Center() - p.position).normalized();
+    p.normal += (keyframes_[o.keyframe].cam_from_submap.Center() - p.position).normalized();
   }
   p.normal.normalize();
   const WorkingObservation& reference = p.observations.back();
-  const Frame& frame = *keyframes_[reference.keyframe].frame;
-  p.max_distance =
-      (frame.cam_from_submap * p.position).norm() * pyramid_.Scale(frame.features.keypoints[reference.feature].octave);
+  const WorkingKeyframe& keyframe = keyframes_[reference.keyframe];
+  p.max_distance = (keyframe.cam_from_submap * p.position).norm() *
+                   pyramid_.Scale(keyframe.frame->features.keypoints[reference.feature].octave);
 }
 
-std::vector<int> WorkingMap::PointsOf(int keyframe) const {
-  std::vector<int> points;
-  for (const int p : keyframes_[keyframe].frame->points) {
-    if (p >= 0) points.push_back(p);
+std::vector<PointIndex> WorkingMap::PointsOf(KeyframeIndex keyframe) const {
+  std::vector<PointIndex> points;
+  for (const PointIndex p : keyframes_[keyframe].points) {
+    if (!p.IsNone()) points.push_back(p);
   }
   std::sort(points.begin(), points.end());
   return points;
 }
 
-std::vector<int> WorkingMap::PointsOf(const std::vector<int>& keyframes) const {
+std::vector<PointIndex> WorkingMap::PointsOf(const std::vector<KeyframeIndex>& keyframes) const {
   constexpr size_t kBits = 64;
   std::vector<uint64_t> seen(points_.size() / kBits + 1, 0);
   size_t count = 0;
-  for (const int k : keyframes) {
-    for (const int p : keyframes_[k].frame->points) {
-      if (p < 0) continue;
+  for (const KeyframeIndex k : keyframes) {
+    for (const PointIndex p : keyframes_[k].points) {
+      if (p.IsNone()) continue;
       uint64_t& word = seen[static_cast<size_t>(p) / kBits];
       const uint64_t bit = uint64_t{1} << (static_cast<size_t>(p) % kBits);
       count += (word & bit) == 0;
       word |= bit;
     }
   }
-  std::vector<int> points;
+  std::vector<PointIndex> points;
   points.reserve(count);
   for (size_t i = 0; i < seen.size(); ++i) {
     for (uint64_t word = seen[i]; word != 0; word &= word - 1)
-      points.push_back(static_cast<int>(i * kBits) + std::countr_zero(word));
+      points.emplace_back(static_cast<int>(i * kBits) + std::countr_zero(word));
   }
   return points;
 }
 
-std::vector<Covisible> WorkingMap::CovisibleKeyframes(int keyframe, int min_shared) const {
+std::vector<Covisible> WorkingMap::CovisibleKeyframes(KeyframeIndex keyframe, int min_shared) const {
   std::vector<int> counts(keyframes_.size(), 0);
-  for (const int point : keyframes_[keyframe].frame->points) {
-    if (point < 0) continue;
+  for (const PointIndex point : keyframes_[keyframe].points) {
+    if (point.IsNone()) continue;
     for (const WorkingObservation& o : points_[point].observations) ++counts[o.keyframe];
   }
   std::vector<Covisible> result;
-  for (int k = static_cast<int>(counts.size()) - 1; k >= 0; --k) {
+  for (KeyframeIndex k = LastKeyframe(); !k.IsNone(); --k) {
     if (k != keyframe && counts[k] >= min_shared) result.push_back({k, counts[k]});
   }
   std::stable_sort(result.begin(), result.end(),
@@ -205,34 +207,34 @@ int WorkingMap::PredictOctave(const WorkingPoint& point, double distance) const 
   return static_cast<int>(std::clamp(std::lround(octave), 0L, static_cast<long>(pyramid_.num_levels - 1)));
 }
 
-std::vector<MapPointId> WorkingMap::PublishedPoints(int keyframe) const {
-  const Frame& frame = *keyframes_[keyframe].frame;
-  std::vector<MapPointId> ids(frame.points.size());
+std::vector<MapPointId> WorkingMap::PublishedPoints(KeyframeIndex keyframe) const {
+  const std::vector<PointIndex>& points = keyframes_[keyframe].points;
+  std::vector<MapPointId> ids(points.size());
   for (size_t i = 0; i < ids.size(); ++i) {
-    if (frame.points[i] >= 0 && points_[frame.points[i]].published) ids[i] = points_[frame.points[i]].id;
+    if (!points[i].IsNone() && points_[points[i]].published) ids[i] = points_[points[i]].id;
   }
   return ids;
 }
 
-void WorkingMap::MarkPublished(int keyframe) {
+void WorkingMap::MarkPublished(KeyframeIndex keyframe) {
   WorkingKeyframe& k = keyframes_[keyframe];
   k.published = true;
   dirty_keyframes_.erase(keyframe);
   // What the keyframe itself told need not be told again.
-  std::erase_if(k.dirty_features, [&](int feature) {
-    const int point = k.frame->points[feature];
-    return point < 0 || points_[point].published;
+  std::erase_if(k.dirty_features, [&](FeatureIndex feature) {
+    const PointIndex point = k.points[feature];
+    return point.IsNone() || points_[point].published;
   });
 }
 
 MapUpdate WorkingMap::TakeUpdate() {
   MapUpdate update;
   update.submap = id_;
-  for (const int k : dirty_keyframes_) {
-    if (keyframes_[k].published) update.keyframes.push_back({keyframes_[k].id, keyframes_[k].frame->cam_from_submap});
+  for (const KeyframeIndex k : dirty_keyframes_) {
+    if (keyframes_[k].published) update.keyframes.push_back({keyframes_[k].id, keyframes_[k].cam_from_submap});
   }
   std::sort(dirty_points_.begin(), dirty_points_.end());
-  for (const int p : dirty_points_) {
+  for (const PointIndex p : dirty_points_) {
     points_[p].dirty = false;
     if (points_[p].removed) continue;
     update.points.push_back({points_[p].id, points_[p].position.cast<float>()});
@@ -242,9 +244,9 @@ MapUpdate WorkingMap::TakeUpdate() {
     std::sort(k.dirty_features.begin(), k.dirty_features.end());
     k.dirty_features.erase(std::unique(k.dirty_features.begin(), k.dirty_features.end()), k.dirty_features.end());
     if (k.published) {
-      for (const int feature : k.dirty_features) {
-        const int point = k.frame->points[feature];
-        update.observations.push_back({k.id, feature, point >= 0 ? points_[point].id : MapPointId()});
+      for (const FeatureIndex feature : k.dirty_features) {
+        const PointIndex point = k.points[feature];
+        update.observations.push_back({k.id, feature, point.IsNone() ? MapPointId() : points_[point].id});
       }
     }
     k.dirty_features.clear();

@@ -228,7 +228,7 @@ TEST_P(FrontendThreads, WideFeaturesAreToldAroundALossOnly) {
     });
     int index = 0;
     const auto see = [&](const Rigid3& pose) {
-      const FramePtr frame = scene.View(pose, index);
+      const auto frame = scene.View(pose, index);
       frame->image = std::make_shared<const cv::Mat>(1, 1, CV_32F, cv::Scalar(index));
       run.frontend.ProcessFrame(frame);
       ++index;
@@ -275,7 +275,7 @@ TEST(Frontend, WideFeaturesComeAtTheSamePlaceInTheStreamHoweverLongTheyTake) {
     int index = 0;
     for (const double y : {0.0, 8.0}) {
       for (int i = 0; i < 30; ++i) {
-        const FramePtr frame = scene.View(NadirPose(y + 0.12 * i, y), index++);
+        const auto frame = scene.View(NadirPose(y + 0.12 * i, y), index++);
         frame->image = std::make_shared<const cv::Mat>(1, 1, CV_8U);
         frontend.ProcessFrame(frame);
       }

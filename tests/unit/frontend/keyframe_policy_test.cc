@@ -30,22 +30,23 @@ TEST(KeyframePolicy, IsUrgentBeforeTheSubmapMightBeLost) {
   EXPECT_FALSE(KeyframePolicy({}).IsUrgent(50));
 }
 
-FramePtr FrameWithFeatures(int count, double x) {
+FramePtr FrameWithFeatures(int count) {
   auto frame = std::make_shared<Frame>();
   frame->features.keypoints.resize(count);
   frame->features.descriptors.resize(count);
-  frame->points.assign(count, -1);
-  frame->cam_from_submap.translation.x() = -x;
   return frame;
 }
+
+Rigid3 PoseAt(double x) { return {Eigen::Quaterniond::Identity(), Eigen::Vector3d(-x, 0, 0)}; }
 
 // Points one unit ahead of keyframes side by side; all keyframes see the first, the first two see the second.
 struct SmallMap {
   explicit SmallMap(int num_keyframes) {
-    for (int i = 0; i < num_keyframes; ++i) map.AddKeyframe(FrameWithFeatures(2, 0.1 * i));
-    for (int feature = 0; feature < 2; ++feature) {
-      const int point = map.AddPoint(Eigen::Vector3d(0, 0, 1), 0);
-      for (int i = 0; i < (feature == 0 ? num_keyframes : 2); ++i) map.AddObservation(point, i, feature);
+    for (int i = 0; i < num_keyframes; ++i) map.AddKeyframe(FrameWithFeatures(2), PoseAt(0.1 * i));
+    for (FeatureIndex feature(0); feature < 2; ++feature) {
+      const PointIndex point = map.AddPoint(Eigen::Vector3d(0, 0, 1), KeyframeIndex(0));
+      const int num_observers = feature == 0 ? num_keyframes : 2;
+      for (KeyframeIndex k(0); k < num_observers; ++k) map.AddObservation(point, k, feature);
     }
   }
   IdSource ids;
@@ -55,13 +56,16 @@ struct SmallMap {
 TEST(KeyframePolicy, MeasuresSolidPointsAndTheAngleOfTheRays) {
   const KeyframePolicy policy({});
   const SmallMap later(4), early(3);
-  const FramePtr frame = FrameWithFeatures(2, 0.1);
-  frame->points = {0, -1};
-  const KeyframeEvidence evidence = policy.Measure(later.map, *frame, 0, 1);
+  TrackResult tracked;
+  tracked.num_inliers = 1;
+  tracked.reference_keyframe = KeyframeIndex(0);
+  tracked.cam_from_submap = PoseAt(0.1);
+  tracked.points = {PointIndex(0), PointIndex()};
+  const KeyframeEvidence evidence = policy.Measure(later.map, tracked);
   EXPECT_EQ(evidence.num_inliers, 1);
   EXPECT_EQ(evidence.solid_points, 1);  // the second was seen by two keyframes only
   EXPECT_NEAR(std::acos(evidence.cos_angle), std::atan(0.1), 1e-9);
-  EXPECT_EQ(policy.Measure(early.map, *frame, 0, 1).solid_points, 2);
+  EXPECT_EQ(policy.Measure(early.map, tracked).solid_points, 2);
 }
 
 }  // namespace

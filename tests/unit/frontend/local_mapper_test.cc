@@ -14,29 +14,27 @@ namespace {
 // A map whose keyframes and points lie where they truly are.
 class LocalMapperTest : public ::testing::Test {
  protected:
-  using Points = std::map<std::array<double, 3>, int>;  // of a strip, by position
+  using Points = std::map<std::array<double, 3>, PointIndex>;  // of a strip, by position
 
   // A keyframe in which every feature observes the point of `points` that it shows; new ones are added.
   void AddKeyframe(double x, double y, Points* points) {
-    const int index = map_.LastKeyframe() + 1;
-    const FramePtr frame = scene_.View(NadirPose(x, y), index);
-    frame->cam_from_submap = NadirPose(x, y);
-    map_.AddKeyframe(frame);
-    const std::vector<Eigen::Vector3d> shown = scene_.Shown(index);
-    for (size_t i = 0; i < shown.size(); ++i) {
-      auto [it, is_new] = points->try_emplace({shown[i].x(), shown[i].y(), shown[i].z()}, -1);
+    const int frame = map_.LastKeyframe() + 1;
+    const KeyframeIndex index = map_.AddKeyframe(scene_.View(NadirPose(x, y), frame), NadirPose(x, y));
+    const std::vector<Eigen::Vector3d> shown = scene_.Shown(frame);
+    for (FeatureIndex i(0); i < static_cast<int>(shown.size()); ++i) {
+      auto [it, is_new] = points->try_emplace({shown[i].x(), shown[i].y(), shown[i].z()});
       if (is_new) it->second = map_.AddPoint(shown[i], index);
-      map_.AddObservation(it->second, index, static_cast<int>(i));
+      map_.AddObservation(it->second, index, i);
       map_.MutablePoint(it->second)->found = map_.MutablePoint(it->second)->visible = 10;
     }
     for (const auto& [position, point] : *points) map_.RefreshPoint(point);
   }
   // A point that the first num_keyframes keyframes see.
-  int SeenByAll(const Points& points, size_t num_keyframes) const {
+  PointIndex SeenByAll(const Points& points, size_t num_keyframes) const {
     for (const auto& [position, point] : points) {
       if (map_.Point(point).observations.size() == num_keyframes) return point;
     }
-    return -1;
+    return {};
   }
 
   SyntheticScene scene_{3000, -2, 4, 0.1, 3};
@@ -48,15 +46,15 @@ class LocalMapperTest : public ::testing::Test {
 TEST_F(LocalMapperTest, RecentPointsThatAreSeldomFoundGo) {
   Points points;
   for (int i = 0; i < 3; ++i) AddKeyframe(0.1 * i, 0, &points);
-  const int bad = SeenByAll(points, 3);
-  ASSERT_GE(bad, 0);
+  const PointIndex bad = SeenByAll(points, 3);
+  ASSERT_FALSE(bad.IsNone());
   map_.MutablePoint(bad)->found = 1;
-  int good = -1;
+  PointIndex good;
   for (const auto& [position, point] : points) {
     if (point != bad && map_.Point(point).observations.size() == 3) good = point;
   }
-  ASSERT_GE(good, 0);
-  mapper_.Process(2, &map_);
+  ASSERT_FALSE(good.IsNone());
+  mapper_.Process(KeyframeIndex(2), &map_);
   EXPECT_TRUE(map_.Point(bad).removed);
   EXPECT_FALSE(map_.Point(good).removed);
 }
@@ -65,10 +63,10 @@ TEST_F(LocalMapperTest, PointsOfAStripAreFusedWithThoseOfTheStripBeside) {
   Points first, second;
   for (int i = 0; i < 4; ++i) AddKeyframe(0.2 * i, 0, &first);
   for (int i = 0; i < 4; ++i) AddKeyframe(0.6 - 0.2 * i, 0.5, &second);  // the way back
-  const int last = map_.LastKeyframe();
+  const KeyframeIndex last = map_.LastKeyframe();
   const auto num_twice = [&] {
     int count = 0;
-    for (const int point : map_.PointsOf(last)) {
+    for (const PointIndex point : map_.PointsOf(last)) {
       for (const auto& [position, p] : second) {
         const auto it = first.find(position);
         count += p == point && it != first.end() && !map_.Point(it->second).removed;

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <memory>
 #include <utility>
 
 #include "procs/frontend/frontend.h"
@@ -20,7 +21,7 @@ struct Flight {
     for (int i = 0; i < 12; ++i) Fly(NadirPose(0.12 * i, 0));
   }
   // An image of nothing that was seen before.
-  FramePtr Elsewhere() { return elsewhere.View(NadirPose(0, 0), next++); }
+  std::shared_ptr<Frame> Elsewhere() { return elsewhere.View(NadirPose(0, 0), next++); }
 
   SyntheticScene scene{12000, -1.5, 6, 0.1, 1}, elsewhere{12000, -1.5, 6, 0.1, 2};
   Frontend frontend;
@@ -29,7 +30,7 @@ struct Flight {
 
 TEST(LossReason, AnImageThatStartsNoMap) {
   Flight dark, blurred, empty, fine;
-  FramePtr frame = dark.Elsewhere();
+  auto frame = dark.Elsewhere();
   frame->mean_brightness = 5;
   EXPECT_EQ(dark.frontend.ProcessFrame(frame).cause, LossReason::kDarkness);
   frame = blurred.Elsewhere();
@@ -51,7 +52,7 @@ TEST(LossReason, TwoImagesThatStartNoMap) {
   creeping.Fly(NadirPose(0, 0));
   EXPECT_EQ(creeping.Fly(NadirPose(0.06, 0)).cause, LossReason::kNoParallax);
   shuffled.Fly(NadirPose(0, 0));
-  const FramePtr frame = shuffled.scene.View(NadirPose(0, 0), 1);
+  const auto frame = shuffled.scene.View(NadirPose(0, 0), 1);
   Random random(1);
   for (Keypoint& k : frame->features.keypoints) {
     k.pixel = Eigen::Vector2d(800 * random.Uniform(), 600 * random.Uniform()).cast<float>();
@@ -69,7 +70,7 @@ TEST(LossReason, TwoImagesThatStartNoMap) {
 TEST(LossReason, AnImageThatIsNotTracked) {
   Flight dark, blurred, late, other;
   for (Flight* f : {&dark, &blurred, &late, &other}) f->FlyAhead();
-  FramePtr frame = dark.Elsewhere();
+  auto frame = dark.Elsewhere();
   frame->mean_brightness = 5;
   EXPECT_EQ(dark.frontend.ProcessFrame(frame).reason, LossReason::kDarkness);
   frame = blurred.Elsewhere();

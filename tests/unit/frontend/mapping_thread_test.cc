@@ -33,7 +33,7 @@ TEST(FairMutex, WhoeverWaitsComesBeforeTheOneWhoTakesItAgain) {
 
 TEST(MappingThread, KeyframesAreDoneInOrderAndWaitedFor) {
   std::vector<int> done;
-  MappingThread thread([&](int keyframe, MapLock* lock) {
+  MappingThread thread([&](KeyframeIndex keyframe, MapLock* lock) {
     lock->unlock();
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
     lock->lock();
@@ -41,7 +41,7 @@ TEST(MappingThread, KeyframesAreDoneInOrderAndWaitedFor) {
   });
   MapLock lock(thread.Mutex());
   for (int k = 0; k < 10; ++k) {
-    thread.Push(k);
+    thread.Push(KeyframeIndex(k));
     thread.WaitUntilLeft(3, &lock);
     EXPECT_GE(static_cast<int>(done.size()), k + 1 - 3);
   }
@@ -51,27 +51,27 @@ TEST(MappingThread, KeyframesAreDoneInOrderAndWaitedFor) {
 
 TEST(MappingThread, AnErrorReachesWhoeverWaitsOrPushes) {
   for (const bool unlocked : {false, true}) {
-    MappingThread thread([&](int, MapLock* lock) {
+    MappingThread thread([&](KeyframeIndex, MapLock* lock) {
       if (unlocked) lock->unlock();
       throw std::runtime_error("no");
     });
     MapLock lock(thread.Mutex());
-    thread.Push(0);
+    thread.Push(KeyframeIndex(0));
     EXPECT_THROW(thread.WaitUntilLeft(0, &lock), std::runtime_error);
     EXPECT_TRUE(lock.owns_lock());
-    EXPECT_THROW(thread.Push(1), std::runtime_error);
+    EXPECT_THROW(thread.Push(KeyframeIndex(1)), std::runtime_error);
   }
 }
 
 TEST(MappingThread, EndsWhileKeyframesWait) {
   std::atomic<int> begun = 0;
   {
-    MappingThread thread([&](int, MapLock*) {
+    MappingThread thread([&](KeyframeIndex, MapLock*) {
       ++begun;
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     });
     const MapLock lock(thread.Mutex());
-    for (int k = 0; k < 100; ++k) thread.Push(k);
+    for (int k = 0; k < 100; ++k) thread.Push(KeyframeIndex(k));
   }
   EXPECT_LT(begun, 100);
 }

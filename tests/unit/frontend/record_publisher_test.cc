@@ -12,7 +12,6 @@ FramePtr FrameAt(int index) {
   frame->features.keypoints.resize(1);
   frame->features.descriptors.resize(1);
   frame->features.colors.resize(1);
-  frame->points.assign(1, -1);
   return frame;
 }
 
@@ -22,13 +21,10 @@ class RecordPublisherTest : public testing::Test {
   RecordPublisherTest() {
     publisher.Begin();
     AddKeyframe(0);
-    publisher.NoteFrame(map, *FrameAt(1), 0);
+    publisher.NoteFrame(map, *FrameAt(1), Rigid3(), KeyframeIndex(0));
     AddKeyframe(2);
   }
-  void AddKeyframe(int frame) {
-    const FramePtr f = FrameAt(frame);
-    publisher.NoteFrame(map, *f, map.AddKeyframe(f));
-  }
+  void AddKeyframe(int frame) { publisher.NoteKeyframe(map, map.AddKeyframe(FrameAt(frame), Rigid3())); }
   template <typename T>
   std::vector<T> Emitted() const {
     std::vector<T> found;
@@ -70,10 +66,10 @@ TEST_F(RecordPublisherTest, OnceItIsBelievedItsBeginningComesFirst) {
 
 TEST_F(RecordPublisherTest, FramesOfAKeyframeThatIsNotMappedYetFollowWithIt) {
   publisher.Believe();
-  publisher.EmitAll(publisher.Take(2000000, 0, &map));
+  publisher.EmitAll(publisher.Take(2000000, KeyframeIndex(0), &map));
   ASSERT_EQ(Emitted<MapUpdate>().size(), 1u);
   EXPECT_EQ(Emitted<MapUpdate>()[0].frames.size(), 2u);
-  publisher.EmitAll(publisher.Take(2000000, 1, &map));
+  publisher.EmitAll(publisher.Take(2000000, KeyframeIndex(1), &map));
   ASSERT_EQ(Emitted<MapUpdate>().size(), 2u);
   EXPECT_EQ(Emitted<MapUpdate>()[1].frames.size(), 1u);
 }
@@ -83,7 +79,7 @@ TEST_F(RecordPublisherTest, FramesThatWaitTooLongAreNotKept) {
   publisher.Publish(2000000, &map);
   emitted.clear();
   const auto hover = [&](int first, int last) {
-    for (int i = first; i <= last; ++i) publisher.NoteFrame(map, *FrameAt(i), 1);
+    for (int i = first; i <= last; ++i) publisher.NoteFrame(map, *FrameAt(i), Rigid3(), KeyframeIndex(1));
   };
   hover(3, 31);
   publisher.PublishWaitingFrames(31000000, map.Id(), false);

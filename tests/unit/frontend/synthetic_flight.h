@@ -1,10 +1,12 @@
 #pragma once
 
 #include <map>
+#include <memory>
 #include <vector>
 
 #include "libs/base/random.h"
 #include "libs/geometry/camera.h"
+#include "libs/geometry/rigid3.h"
 #include "procs/frontend/frame.h"
 
 namespace mapmend {
@@ -22,14 +24,13 @@ class SyntheticScene {
     }
   }
 
-  FramePtr View(const Rigid3& cam_from_world, int index, double noise_px = 0.3, int flipped_bits = 12) {
+  std::shared_ptr<Frame> View(const Rigid3& cam_from_world, int index, double noise_px = 0.3, int flipped_bits = 12) {
     auto frame = std::make_shared<Frame>();
     frame->index = index;
     shown_[index].clear();
     frame->utime = 1000000 * static_cast<int64_t>(index);
     frame->mean_brightness = 120;
     frame->sharpness = 10;
-    frame->cam_from_submap = Rigid3();
     for (size_t i = 0; i < points_.size(); ++i) {
       const Eigen::Vector3d x = cam_from_world * points_[i];
       if (x.z() < 0.05) continue;
@@ -48,7 +49,6 @@ class SyntheticScene {
       frame->features.colors.push_back({100, 100, 100});
     }
     frame->grid = FeatureGrid(frame->features.keypoints, camera_.width, camera_.height);
-    frame->points.assign(frame->features.Size(), -1);
     return frame;
   }
 
