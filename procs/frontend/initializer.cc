@@ -6,8 +6,6 @@
 #include <optional>
 
 #include "libs/geometry/pnp.h"
-#include "libs/geometry/triangulation.h"
-#include "libs/geometry/two_view.h"
 #include "libs/optim/bundle_adjustment.h"
 #include "libs/optim/pose_optimization.h"
 
@@ -15,112 +13,16 @@ namespace mapmend {
 namespace {
 
 constexpr int kNewFrames = 60;  // partners that are tried first
+constexpr int kMaxTrials = 6;   // partners of a range: a bisection of sixty frames
+constexpr int kNumBetween = 3;  // frames between the two views that are asked which motion is right
 
-constexpr double kMinRayAngleCos = 0.99999;  // 0.26 degrees: nearer to parallel a point has no usable depth
-constexpr int kBundlePoints = 150;           // of an image determine the motion in bundle adjustment
-constexpr double kSameRotationRad = 0.02, kSameDirectionRad = 0.15;
-
-constexpr double kFarAway = 1e4;  // baselines: stands for the depth of points that have none
-
-using Judged = TwoViewCandidate;
-
-struct MatchedPixels {
-  std::vector<Eigen::Vector2d> first, second;  // pixels
-  std::vector<double> sigma_first, sigma_second;
-};
-
-// Triangulates every match under a motion and keeps the points that fit. Matches too far away to have a depth fit as
-// well if the rotation alone explains them: a small true motion must not lose against a large wrong one that gives
-// everything a depth.
-Judged Judge(const Pinhole& camera, const MatchedPixels& matches, const Rigid3& motion, double max_sigma) {
-  Judged judged;
-  judged.second_from_first = motion;
-  const double limit = max_sigma * max_sigma;
-  const Rigid3 turn(motion.rotation, Eigen::Vector3d::Zero());
-  std::vector<double> angles;
-  for (size_t i = 0; i < matches.first.size(); ++i) {
-    const Eigen::Vector3d ray = camera.Unproject(matches.first[i]);
-    const auto fits = [&](const Rigid3& pose, const Eigen::Vector3d& x, const Eigen::Vector2d& pixel, double sigma) {
-      return (pose * x).z() > 0 && ReprojectionChi2(camera, pose, x, pixel, sigma) <= limit;
-    };
-    const bool fits_at_infinity = fits(turn, ray, matches.second[i], matches.sigma_second[i]);
-    const auto x = Triangulate(ray, camera.Unproject(matches.second[i]), motion);
-    const bool fits_as_point = x && fits({}, *x, matches.first[i], matches.sigma_first[i]) &&
-                               fits(motion, *x, matches.second[i], matches.sigma_second[i]);
-    if (!fits_as_point && !fits_at_infinity) continue;
-    const double cosine = fits_as_point ? CosIntersectionAngle(*x, Eigen::Vector3d::Zero(), motion.Center()) : 1;
-    if (cosine > kMinRayAngleCos) {
-      judged.far_matches.push_back(static_cast<int>(i));
-      judged.far_points.push_back(fits_as_point ? *x : kFarAway * ray);
-      continue;
-    }
-    angles.push_back(std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / M_PI);
-    judged.matches.push_back(static_cast<int>(i));
-    judged.points.push_back(*x);
-  }
-  if (!angles.empty()) {
-    std::nth_element(angles.begin(), angles.begin() + angles.size() / 2, angles.end());
-    judged.median_angle_deg = angles[angles.size() / 2];
-  }
-  return judged;
-}
-
-// Two-view bundle adjustment of the inliers, then all matches judged anew. |translation| is brought back to 1.
-Judged Refine(const Pinhole& camera, const MatchedPixels& matches, Judged judged, double max_sigma) {
-  for (int round = 0; round < 2 && judged.Support() >= 20; ++round) {
-    BundleProblem problem;
-    problem.cameras = {camera};
-    problem.poses = {{Rigid3(), true, 0}, {judged.second_from_first, false, 0}};
-    problem.points = judged.points;
-    problem.points.insert(problem.points.end(), judged.far_points.begin(), judged.far_points.end());
-    std::vector<int> all = judged.matches;
-    all.insert(all.end(), judged.far_matches.begin(), judged.far_matches.end());
-    for (size_t i = 0; i < all.size(); ++i) {
-      const int m = all[i], point = static_cast<int>(i);
-      problem.observations.push_back({0, point, matches.first[m], matches.sigma_first[m]});
-      problem.observations.push_back({1, point, matches.second[m], matches.sigma_second[m]});
-    }
-    BundleOptions options;
-    options.max_iterations = 15;
-    options.points_per_pose = kBundlePoints;
-    if (!AdjustBundle(options, &problem).success) break;
-    Rigid3 motion = problem.poses[1].cam_from_world;
-    const double length = motion.translation.norm();
-    if (length < 1e-9) break;
-    motion.translation /= length;
-    judged = Judge(camera, matches, motion, max_sigma);
-  }
-  return judged;
-}
-
-bool SameMotion(const Rigid3& a, const Rigid3& b) {
-  return RotationAngle(a.rotation * b.rotation.conjugate()) < kSameRotationRad &&
-         std::acos(std::clamp(a.translation.normalized().dot(b.translation.normalized()), -1.0, 1.0)) <
-             kSameDirectionRad;
-}
-
-// The truly different motions, refined, those that explain most matches first.
-std::vector<Judged> RankMotions(const Pinhole& camera, const MatchedPixels& matches,
-                                const std::vector<TwoViewHypothesis>& hypotheses, double max_sigma) {
-  std::vector<Judged> candidates;
-  candidates.reserve(hypotheses.size());
-  for (const TwoViewHypothesis& h : hypotheses) {
-    candidates.push_back(Judge(camera, matches, h.second_from_first, 2 * max_sigma));
-  }
-  const auto by_support = [](const Judged& a, const Judged& b) { return a.Support() > b.Support(); };
-  std::stable_sort(candidates.begin(), candidates.end(), by_support);
-  if (candidates.empty()) return candidates;
-  // Refinement draws like hypotheses together; only what could still win is refined.
-  const size_t enough = candidates[0].Support() / 2;
-  std::erase_if(candidates, [&](const Judged& j) { return j.Support() < enough; });
-  for (Judged& j : candidates) j = Refine(camera, matches, std::move(j), max_sigma);
-  std::stable_sort(candidates.begin(), candidates.end(), by_support);
-  std::vector<Judged> different;
-  for (Judged& j : candidates) {
-    const auto is_same = [&](const Judged& d) { return SameMotion(d.second_from_first, j.second_from_first); };
-    if (std::none_of(different.begin(), different.end(), is_same)) different.push_back(std::move(j));
-  }
-  return different;
+// What brings the median depth of the points to 1.
+double ScaleOf(const std::vector<Eigen::Vector3d>& points) {
+  std::vector<double> depths;
+  depths.reserve(points.size());
+  for (const Eigen::Vector3d& x : points) depths.push_back(x.z());
+  std::nth_element(depths.begin(), depths.begin() + depths.size() / 2, depths.end());
+  return 1.0 / depths[depths.size() / 2];
 }
 
 }  // namespace
@@ -160,13 +62,12 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
 Initialization Initializer::TryPartners(const FramePtr& frame, int oldest, int newest) const {
   Initialization result;
   result.reason = LossReason::kTooFewMatches;
-  constexpr int kMaxTrials = 6;
   const int n = static_cast<int>(frames_.size());
   for (int trial = 0; trial < kMaxTrials && oldest <= newest; ++trial) {
     const int i = trial == 0 ? oldest : oldest + (newest - oldest) / 2;
     std::vector<FramePtr> between;
-    for (const int part : {1, 2, 3}) {
-      const int j = i + (n - i) * part / 4;
+    for (int part = 1; part <= kNumBetween; ++part) {
+      const int j = i + (n - i) * part / (kNumBetween + 1);
       if (j > i && (between.empty() || between.back() != frames_[j])) between.push_back(frames_[j]);
     }
     const Initialization attempt = Try(frames_[i], frame, between);
@@ -188,7 +89,7 @@ Initialization Initializer::TryPartners(const FramePtr& frame, int oldest, int n
 // each cut off at the limit of an inlier, over all matches. A wrong motion that fits two images nearly as well has its
 // points at wrong depths, which no pose of a third explains.
 double Initializer::Misfit(const Frame& first, const Frame& second, const std::vector<Match>& found,
-                           const Judged& candidate, const std::vector<FramePtr>& between) const {
+                           const TwoViewCandidate& candidate, const std::vector<FramePtr>& between) const {
   const double limit = options_.max_sigma * options_.max_sigma;
   std::vector<std::optional<Eigen::Vector3d>> point_of(first.features.Size());
   std::vector<int> features;
@@ -233,41 +134,8 @@ double Initializer::Misfit(const Frame& first, const Frame& second, const std::v
   return sum;
 }
 
-Initialization Initializer::Try(const FramePtr& first, const FramePtr& second,
-                                const std::vector<FramePtr>& between) const {
-  Initialization result;
-  result.first = first;
-  result.second = second;
-  MatchOptions match_options;
-  const std::vector<Match> found = MatchBruteForce(first->features, second->features, match_options);
-  result.reason = LossReason::kTooFewMatches;
-  if (static_cast<int>(found.size()) < options_.min_matches) return result;
-
-  MatchedPixels matches;
-  std::vector<Eigen::Vector2d> rays_first, rays_second;
-  std::vector<double> shifts;
-  for (const Match& m : found) {
-    const Keypoint &a = first->features.keypoints[m.a], &b = second->features.keypoints[m.b];
-    matches.first.push_back(a.pixel.cast<double>());
-    matches.second.push_back(b.pixel.cast<double>());
-    matches.sigma_first.push_back(pyramid_.Sigma(a.octave));
-    matches.sigma_second.push_back(pyramid_.Sigma(b.octave));
-    rays_first.push_back(camera_.Unproject(matches.first.back()).head<2>());
-    rays_second.push_back(camera_.Unproject(matches.second.back()).head<2>());
-    shifts.push_back((matches.first.back() - matches.second.back()).norm());
-  }
-  std::nth_element(shifts.begin(), shifts.begin() + shifts.size() / 2, shifts.end());
-  result.reason = LossReason::kNoParallax;
-  result.cause = LossReason::kNoMotion;
-  if (shifts[shifts.size() / 2] < options_.min_motion * camera_.width) return result;
-
-  const std::vector<Judged> candidates =
-      RankMotions(camera_, matches, ProposeTwoViewMotions(rays_first, rays_second, 1.5 / camera_.fx, options_.seed),
-                  options_.max_sigma);
-  result.reason = LossReason::kTooFewMatches;
-  result.cause = LossReason::kNoCommonMotion;
-  const int min_support = std::max(options_.min_points, options_.min_matches / 2);
-  if (candidates.empty() || static_cast<int>(candidates[0].Support()) < min_support) return result;
+int Initializer::Decide(const Frame& first, const Frame& second, const std::vector<Match>& found,
+                        const std::vector<TwoViewCandidate>& candidates, const std::vector<FramePtr>& between) const {
   // Other motions that explain nearly as much: frames between the two must tell.
   std::vector<int> rivals;
   for (size_t i = 0; i < candidates.size(); ++i) {
@@ -276,31 +144,51 @@ Initialization Initializer::Try(const FramePtr& first, const FramePtr& second,
       rivals.push_back(static_cast<int>(i));
   }
   int winner = 0;
-  if (rivals.size() > 1) {
-    double least = std::numeric_limits<double>::infinity(), second_least = least;
-    for (const int i : rivals) {
-      const double misfit = Misfit(*first, *second, found, candidates[i], between);
-      if (misfit < least) {
-        second_least = least;
-        least = misfit;
-        winner = i;
-      } else {
-        second_least = std::min(second_least, misfit);
-      }
+  if (rivals.size() < 2) return winner;
+  double least = std::numeric_limits<double>::infinity(), second_least = least;
+  for (const int i : rivals) {
+    const double misfit = Misfit(first, second, found, candidates[i], between);
+    if (misfit < least) {
+      second_least = least;
+      least = misfit;
+      winner = i;
+    } else {
+      second_least = std::min(second_least, misfit);
     }
-    result.reason = result.cause = LossReason::kAmbiguous;
-    if (options_.max_misfit_ratio * second_least < least) return result;
   }
-  const Judged& best = candidates[winner];
+  return options_.max_misfit_ratio * second_least < least ? -1 : winner;
+}
+
+Initialization Initializer::Try(const FramePtr& first, const FramePtr& second,
+                                const std::vector<FramePtr>& between) const {
+  Initialization result;
+  result.first = first;
+  result.second = second;
+  const std::vector<Match> found = MatchBruteForce(first->features, second->features, {});
+  result.reason = LossReason::kTooFewMatches;
+  if (static_cast<int>(found.size()) < options_.min_matches) return result;
+  const MatchedPixels matches = PixelsOf(found, first->features, second->features, camera_, pyramid_);
+  result.reason = LossReason::kNoParallax;
+  result.cause = LossReason::kNoMotion;
+  if (MedianShift(matches) < options_.min_motion * camera_.width) return result;
+
+  const std::vector<TwoViewCandidate> candidates =
+      RankMotions(options_.ranking, camera_, matches, options_.max_sigma, options_.seed);
+  result.reason = LossReason::kTooFewMatches;
+  result.cause = LossReason::kNoCommonMotion;
+  const int min_support =
+      std::max(options_.min_points, static_cast<int>(options_.min_common_share * options_.min_matches));
+  if (candidates.empty() || static_cast<int>(candidates[0].Support()) < min_support) return result;
+  result.reason = result.cause = LossReason::kAmbiguous;
+  const int winner = Decide(*first, *second, found, candidates, between);
+  if (winner < 0) return result;
+  const TwoViewCandidate& best = candidates[winner];
   result.reason = result.cause = LossReason::kNoParallax;
   if (static_cast<int>(best.matches.size()) < options_.min_points ||
       best.median_angle_deg < options_.min_median_angle_deg) {
     return result;
   }
-  std::vector<double> depths;
-  for (const Eigen::Vector3d& x : best.points) depths.push_back(x.z());
-  std::nth_element(depths.begin(), depths.begin() + depths.size() / 2, depths.end());
-  const double scale = 1.0 / depths[depths.size() / 2];
+  const double scale = ScaleOf(best.points);
   result.second_from_first = best.second_from_first;
   result.second_from_first.translation *= scale;
   for (size_t i = 0; i < best.matches.size(); ++i) {

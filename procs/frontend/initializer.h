@@ -12,6 +12,7 @@
 #include "procs/frontend/frame.h"
 #include "procs/frontend/index.h"
 #include "procs/frontend/loss_reason.h"
+#include "procs/frontend/two_view_candidates.h"
 
 namespace mapmend {
 
@@ -19,6 +20,7 @@ struct InitializerOptions {
   int max_buffered_frames = 300;  // frames kept since the loss
   int min_matches = 60;
   int min_points = 50;
+  double min_common_share = 0.5;      // of min_matches: a motion that explains fewer is none that they have in common
   double min_median_angle_deg = 1.5;  // between the rays to the points
   double min_motion = 0.02;           // median shift of matches, of the image width: less is not worth a trial
   double ambiguity_ratio =
@@ -27,6 +29,7 @@ struct InitializerOptions {
       0.67;  // the best one's squared errors must be below this share of each rival's, else: ambiguous
   double max_sigma = kChi2Dof95;  // reprojection error of an inlier, in sigma of its octave
   double min_retry_s = 0.1;       // time between frames that are tried, once one was refused for want of parallax
+  MotionRankingOptions ranking;
   uint64_t seed = 1;
 
   // Not visited: seed: that of the whole program.
@@ -35,12 +38,14 @@ struct InitializerOptions {
     v("max_buffered_frames", max_buffered_frames, Range(2, 1e6), "frames");
     v("min_matches", min_matches, Range(8, 100000));
     v("min_points", min_points, Range(8, 100000), "points");
+    v("min_common_share", min_common_share, Range(0, 1), "of min_matches");
     v("min_median_angle_deg", min_median_angle_deg, Range(0, 90), "degrees");
     v("min_motion", min_motion, Range(0, 1), "of the image width");
     v("ambiguity_ratio", ambiguity_ratio, Range(0, 1), "of the matches");
     v("max_misfit_ratio", max_misfit_ratio, Range(0, 1));
     v("max_sigma", max_sigma, MoreThan(0), "sigma");
     v("min_retry_s", min_retry_s, AtLeast(0), "s");
+    v("ranking", ranking);
   }
 };
 
@@ -58,15 +63,6 @@ struct Initialization {
   FramePtr first, second;
   Rigid3 second_from_first;
   std::vector<InitialPoint> points;
-};
-
-// A motion between two views and what it explains.
-struct TwoViewCandidate {
-  Rigid3 second_from_first;                         // |translation| = 1
-  std::vector<int> matches, far_matches;            // indices of the matches that it explains, with and without a depth
-  std::vector<Eigen::Vector3d> points, far_points;  // of these, in the frame of the first camera
-  double median_angle_deg = 0;                      // between the rays to the points
-  size_t Support() const { return matches.size() + far_matches.size(); }
 };
 
 // Starts a submap from two views of the same ground. Frames since the loss are kept; each new one is tried against the
@@ -92,6 +88,9 @@ class Initializer {
  private:
   Initialization TryPartners(const FramePtr& frame, int oldest, int newest) const;  // indices of frames_
   Initialization Try(const FramePtr& first, const FramePtr& second, const std::vector<FramePtr>& between) const;
+  // Index of the candidate that is right; -1: two explain the images nearly equally well.
+  int Decide(const Frame& first, const Frame& second, const std::vector<Match>& found,
+             const std::vector<TwoViewCandidate>& candidates, const std::vector<FramePtr>& between) const;
   double Misfit(const Frame& first, const Frame& second, const std::vector<Match>& found,
                 const TwoViewCandidate& candidate, const std::vector<FramePtr>& between) const;
 
