@@ -12,10 +12,12 @@
 
 namespace {
 
-int Run(int argc, char** argv) {
-  mapmend::RunOptions options;
-  CLI::App app("frontend: tracks one camera and publishes keyframes, map updates and loss events.", "frontend");
-  mapmend::AddProcessOptions(&app, &options.process);
+// How the input is read, as told by flags.
+struct PaceFlags {
+  bool realtime = false, live = false, lockstep = false;
+};
+
+void AddInputOptions(CLI::App& app, mapmend::RunOptions& options) {
   app.add_option("input", options.inputs,
                  "video files, folders of images, images, or logs of lcm-logger: one flight; none with --live");
   app.add_option("--camera", options.camera_path, "calibration, in any format of data/cameras/README.md")->required();
@@ -32,14 +34,18 @@ int Run(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--max-dimension", options.max_dimension, "scale larger images down to this many pixels; 0: never")
       ->capture_default_str();
-  bool realtime = false, live = false, lockstep = false;
-  auto* lockstep_flag = app.add_flag(
-      "--lockstep", lockstep, "every frame of the input, however long it takes: the same map each time (the default)");
+}
+
+void AddPaceOptions(CLI::App& app, PaceFlags& pace, mapmend::RunOptions& options) {
+  auto* lockstep_flag =
+      app.add_flag("--lockstep", pace.lockstep,
+                   "every frame of the input, however long it takes: the same map each time (the default)");
   auto* realtime_flag =
-      app.add_flag("--realtime", realtime,
+      app.add_flag("--realtime", pace.realtime,
                    "play the input at the pace of its times; frames that come while tracking is busy are dropped");
-  auto* live_flag = app.add_flag(
-      "--live", live, "images come over the bus, channel MAPMEND_IMAGE, until the camera ends the stream, or Ctrl-C");
+  auto* live_flag =
+      app.add_flag("--live", pace.live,
+                   "images come over the bus, channel MAPMEND_IMAGE, until the camera ends the stream, or Ctrl-C");
   app.add_option(
       "--source", options.source,
       "with --live: /dev/video0, rtsp://..., gst:PIPELINE, or a folder into which a camera writes; else the bus");
@@ -55,6 +61,9 @@ int Run(int argc, char** argv) {
                  "with --realtime or --live: frames that may wait before the oldest is dropped")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
+}
+
+void AddStreamOptions(CLI::App& app, mapmend::RunOptions& options) {
   app.add_option("--profile", options.profile_path,
                  "write the time of each stage per frame to this JSON file, and print it");
   app.add_option("--events", options.events_path, "file that gets a JSON line for each loss and each submap");
@@ -75,6 +84,9 @@ int Run(int argc, char** argv) {
   app.add_option("--first-frame", options.first_frame, "of a file: those before are passed over")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--vehicle", options.vehicle, "name of the vehicle, for the record");
+}
+
+void AddTrackingOptions(CLI::App& app, mapmend::RunOptions& options) {
   app.add_option("--lost-frames", options.frontend.max_lost_frames,
                  "consecutive frames without orientation that end a submap")
       ->capture_default_str();
@@ -88,12 +100,23 @@ int Run(int argc, char** argv) {
                  "0: none")
       ->check(CLI::Range(0, 100))
       ->capture_default_str();
+}
+
+int Run(int argc, char** argv) {
+  mapmend::RunOptions options;
+  PaceFlags pace;
+  CLI::App app("frontend: tracks one camera and publishes keyframes, map updates and loss events.", "frontend");
+  mapmend::AddProcessOptions(&app, &options.process);
+  AddInputOptions(app, options);
+  AddPaceOptions(app, pace, options);
+  AddStreamOptions(app, options);
+  AddTrackingOptions(app, options);
   mapmend::AddOptionFlags(&app, "frontend", &options);
   if (const auto code = mapmend::ParseCommandLine(&app, argc, argv)) return *code;
   mapmend::RequireGoodOptions(mapmend::OptionList::Of(options));
-  options.mode = live       ? mapmend::InputMode::kLive
-                 : realtime ? mapmend::InputMode::kRealtime
-                            : mapmend::InputMode::kLockstep;
+  options.mode = pace.live       ? mapmend::InputMode::kLive
+                 : pace.realtime ? mapmend::InputMode::kRealtime
+                                 : mapmend::InputMode::kLockstep;
   mapmend::ApplyLogLevel(options.process);
   mapmend::InstallSignalHandlers();
   if (options.mode == mapmend::InputMode::kLockstep) {
