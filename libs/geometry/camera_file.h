@@ -25,6 +25,11 @@ CameraFile ReadCameraFile(const std::string& path, int image_width = 0, int imag
 // inverse on more than a quarter of the image; on less, a note says so.
 CameraFile ReadCameraFor(const std::string& path, int image_width, int image_height);
 
+// A camera as a file that ReadCameraFile reads (the keys of ORB-SLAM's settings), with all digits. Models: pinhole and
+// fisheye; throws std::runtime_error for others.
+//   comments  lines for people at its head, without #
+std::string FormatCameraFile(const Camera& camera, const std::vector<std::string>& comments);
+
 // The share of the image, in a grid of 13 x 9 points, where the lens model has no inverse.
 double ShareWithoutInverse(const Camera& camera);
 

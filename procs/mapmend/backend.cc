@@ -86,6 +86,7 @@ void Backend::StartMergerAndViewer() {
   std::vector<std::string> viewer = {FindProgram("viewer_export"), "--out", options_.out, "--port",
                                      std::to_string(options_.port)};
   if (!options_.bind.empty()) viewer.insert(viewer.end(), {"--bind", options_.bind});
+  viewer.insert(viewer.end(), options_.export_arguments.begin(), options_.export_arguments.end());
   if (!options_.groundtruth.empty()) {
     viewer.insert(viewer.end(), {"--groundtruth", std::filesystem::absolute(options_.groundtruth).string()});
     viewer.insert(viewer.end(), options_.groundtruth_arguments.begin(), options_.groundtruth_arguments.end());

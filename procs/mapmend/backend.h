@@ -33,6 +33,7 @@ struct BackendOptions {
   std::string vocabulary_hash;
   std::string groundtruth;                         // empty: none
   std::vector<std::string> groundtruth_arguments;  // of viewer_export, on how to read it
+  std::vector<std::string> export_arguments;       // of viewer_export, on formats and frame
   std::string lcm_url;                             // empty: a private hub
   std::string channel_prefix;
   std::string log_level = "info";

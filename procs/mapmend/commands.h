@@ -18,6 +18,7 @@ void AddEvalCommand(CLI::App* app);
 void AddEdgesCommand(CLI::App* app);
 void AddExportCommand(CLI::App* app);
 void AddMergeCommand(CLI::App* app);
+void AddCalibrateCommand(CLI::App* app);
 void AddForwardCommands(CLI::App* app);
 void AddRunCommand(CLI::App* app);
 void AddPublishCommand(CLI::App* app);

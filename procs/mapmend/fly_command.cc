@@ -51,6 +51,7 @@ class Flight {
   int Run() {
     InstallSignalHandlers();
     const OutFolder folder(options_.out, false, true);
+    if (!inputs_.guessed_camera.empty()) WriteFile(options_.camera, inputs_.guessed_camera);
     for (const std::string& note : inputs_.notes) progress_.Say(note);
     try {
       BackendOptions on_board;

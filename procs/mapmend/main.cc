@@ -28,6 +28,7 @@ int main(int argc, char** argv) {
   mapmend::AddCloseCommand(&app);
   mapmend::AddExportCommand(&app);
   mapmend::AddMergeCommand(&app);
+  mapmend::AddCalibrateCommand(&app);
   mapmend::AddEdgesCommand(&app);
   mapmend::AddEvalCommand(&app);
   mapmend::AddSpyCommand(&app);

@@ -89,6 +89,7 @@ MapFile::MapFile(const MapFileOptions& options) : options_(options) {
     }
     out_folder_ = std::make_unique<OutFolder>(options_.out, false, is_own);
     backend.out = options_.out;
+    backend.export_arguments = options_.exports.WithEarlier(options_.out).Arguments();
   }
   backend.logs = backend.out + "/logs";
   try {

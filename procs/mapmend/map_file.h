@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "procs/mapmend/backend.h"
+#include "procs/mapmend/export_settings.h"
 #include "procs/mapmend/out_folder.h"
 
 namespace mapmend {
@@ -24,6 +25,7 @@ struct MapFileOptions {
   std::string out;          // folder for the exports; empty: none are written
   std::string vocabulary;   // empty: mapmend's own
   std::string groundtruth;  // empty: the one of the exports that lie in OUT, if it is still there
+  ExportSettings exports;
   std::optional<int> seed;
   std::string log_level = "info";
   bool with_merger = false;  // the map is merged anew

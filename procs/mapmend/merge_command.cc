@@ -43,12 +43,16 @@ void AddCommonOptions(CLI::App* sub, std::string* map, MapFileOptions* options) 
 
 void AddExportCommand(CLI::App* app) {
   CLI::App* sub =
-      app->add_subcommand("export", "Write the report, trajectories and point cloud of a map that was made before");
+      app->add_subcommand("export",
+                          "Write the report, trajectories and point cloud of a map that was made before, also "
+                          "in formats of other programs");
   const auto options = std::make_shared<MapFileOptions>();
   const auto map = std::make_shared<std::string>();
   AddCommonOptions(sub, map.get(), options.get());
   sub->add_option("--out", options->out, "folder of the results (default: MAP, if that is a folder)");
+  options->exports.AddOptions(sub);
   sub->callback([options, map] {
+    options->exports.Check();
     options->settings.Resolve();
     options->place = FindMap(*map);
     if (options->out.empty()) options->out = options->place.folder;

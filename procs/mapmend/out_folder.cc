@@ -18,6 +18,7 @@
 #include <stdexcept>
 
 #include "libs/bus/channels.h"
+#include "libs/formats/map_formats.h"
 #include "libs/wire/outbox.h"
 
 namespace mapmend {
@@ -25,7 +26,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Everything a run writes into its folder.
+// What a run writes into its folder beside the formats of libs/formats.
 constexpr const char* kResults[] = {"map.db",     "map.db-wal",     "map.db-shm",   "map.ply", "cameras.ply",
                                     "frames.tum", "keyframes.tum",  "components",   "submaps", "graph.dot",
                                     "graph.svg",  "report.html",    "summary.json", "logs",    "outbox",
@@ -94,7 +95,9 @@ int Claim(int port) {
 }
 
 void RemoveResults(const std::string& path) {
-  for (const char* name : kResults) {
+  std::vector<std::string> names(std::begin(kResults), std::end(kResults));
+  for (const MapFormat& format : MapFormats()) names.insert(names.end(), format.files.begin(), format.files.end());
+  for (const std::string& name : names) {
     std::error_code error;
     fs::remove_all(fs::path(path) / name, error);
     if (error) throw std::runtime_error("cannot remove " + (fs::path(path) / name).string() + ": " + error.message());

@@ -100,6 +100,7 @@ void AddRunCommand(CLI::App* app) {
   sub->add_option("--time-tolerance", options->time_tolerance,
                   "largest difference in time of poses compared with the ground truth, seconds (default: 0.01)")
       ->check(CLI::Range(0.0, 1e6));
+  options->exports.AddOptions(sub);
   sub->add_option("--record", options->record, "folder: lcm-logger writes mapmend.lcmlog there, for `mapmend replay`");
   sub->add_flag("--profile", options->profile,
                 "print the frontend's time per frame for each stage; also in summary.json and the report");
@@ -120,6 +121,7 @@ void AddRunCommand(CLI::App* app) {
       "line\nsays why and what to try); 130 interrupted (map.db holds what was mapped so far). With --live the first "
       "Ctrl-C\nends the flight: the map is finished.");
   sub->callback([options] {
+    options->exports.Check();
     options->settings.Resolve();
     options->lcm_url = UrlFromOptionOrEnvironment(options->lcm_url);
     ApplyFollow(options.get());

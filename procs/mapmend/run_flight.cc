@@ -235,6 +235,7 @@ int RunFlight(const RunInputs& inputs) {
   const int port = page ? page->Port() : 0;
   const bool keeps_map = options.append || options.continue_flight;
   const OutFolder out_folder(options.out, options.overwrite, keeps_map);
+  if (!inputs.guessed_camera.empty()) WriteFile(options.camera, inputs.guessed_camera);
   const std::string recording = options.record.empty() ? "" : CheckRecordFolder(options.record, options.overwrite);
 
   Progress progress(options.quiet || options.json);
@@ -253,6 +254,7 @@ int RunFlight(const RunInputs& inputs) {
     backend_options.log_level = options.log_level;
     backend_options.seed = options.seed;
     backend_options.settings = options.settings;
+    backend_options.export_arguments = options.exports.WithEarlier(options.out).Arguments();
     backend_options.port = port;
     backend_options.bind = options.bind;
     std::filesystem::remove(ProfilePath(options));  // of an earlier flight into the same map

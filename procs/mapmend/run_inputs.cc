@@ -5,6 +5,8 @@
 #include <stdexcept>
 
 #include "libs/capture/device_images.h"
+#include "libs/capture/exif_camera.h"
+#include "libs/capture/image_list.h"
 #include "libs/capture/image_mask.h"
 #include "libs/capture/image_source.h"
 #include "libs/capture/times_beside.h"
@@ -22,6 +24,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr const char* kGuessedCamera = "camera.yaml";  // in the folder of results
 constexpr const char* kHowToGetACamera = "data/cameras has examples, and its README says how to make one";
 
 [[noreturn]] void Fail(const std::string& what) { throw std::runtime_error(what); }
@@ -46,9 +49,35 @@ void CheckVocabulary(RunInputs* inputs) {
 // The camera file and the mask against images of a known size.
 void CheckAgainstImages(RunInputs* inputs, int width, int height) {
   const RunOptions& options = inputs->options;
-  const CameraFile file = ReadCameraFor(options.camera, width, height);
-  inputs->notes.insert(inputs->notes.end(), file.notes.begin(), file.notes.end());
+  if (inputs->guessed_camera.empty()) {
+    const CameraFile file = ReadCameraFor(options.camera, width, height);
+    inputs->notes.insert(inputs->notes.end(), file.notes.begin(), file.notes.end());
+  }
   if (!options.mask.empty()) ReadMask(options.mask, width, height);
+}
+
+// The camera of geotagged photos, as far as they tell it. Without, throws and says how to get a camera file.
+Camera TakeCameraFromPhotos(const std::vector<std::string>& files, RunInputs* inputs) {
+  std::vector<std::string> photos;
+  std::error_code error;
+  for (const std::string& file : files) {
+    if (!fs::is_directory(file, error)) {
+      if (HasImageName(file)) photos.push_back(file);
+      continue;
+    }
+    const std::vector<std::string> found = ListImages(file).files;
+    photos.insert(photos.end(), found.begin(), found.end());
+  }
+  const ExifCamera guess = GuessCamera(photos);
+  if (!guess.found) {
+    Fail("no camera file: give one with --camera (there is no camera.yaml beside the input either" +
+         (guess.note.empty() ? "" : ", and " + guess.note) + "); " + kHowToGetACamera);
+  }
+  RunOptions& options = inputs->options;
+  options.camera = (fs::path(options.out) / kGuessedCamera).string();
+  inputs->guessed_camera = FormatCameraFile(guess.camera, {guess.note});
+  inputs->notes.push_back(guess.note);
+  return guess.camera;
 }
 
 // What concerns the camera file and the input, for a camera on the bus.
@@ -103,17 +132,21 @@ void CheckFileInput(RunInputs* inputs) {
   if (options.out.empty()) options.out = "mapmend-" + stem.string();
 
   // camera.yaml and times.txt beside a video, or in the folder of images.
+  Camera camera;
   const fs::path beside = is_folder ? input : input.parent_path();
   if (options.camera.empty()) {
     const fs::path path = beside / "camera.yaml";
-    if (!fs::exists(path, error))
-      Fail(std::string("no camera file: give one with --camera (there is no camera.yaml beside the input either); ") +
-           kHowToGetACamera);
-    options.camera = path.string();
-    inputs->notes.push_back("camera " + options.camera + " (found beside the input)");
+    if (fs::exists(path, error)) {
+      options.camera = path.string();
+      inputs->notes.push_back("camera " + options.camera + " (found beside the input)");
+    } else {
+      camera = TakeCameraFromPhotos(is_log ? std::vector<std::string>() : files, inputs);
+    }
   }
-  RequireReadableFile(options.camera, "camera file");
-  const Camera camera = ReadCamera(options.camera);
+  if (inputs->guessed_camera.empty()) {
+    RequireReadableFile(options.camera, "camera file");
+    camera = ReadCamera(options.camera);
+  }
   options.inputs = files;
   if (options.times.empty() && !is_log) {
     const TimesBeside found = FindTimesBeside(options.inputs);

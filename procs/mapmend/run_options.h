@@ -5,6 +5,7 @@
 #include <vector>
 
 // What `mapmend run` was asked to do, and what the checks of its inputs found out.
+#include "procs/mapmend/export_settings.h"
 #include "procs/mapmend/process_settings.h"
 
 namespace mapmend {
@@ -47,12 +48,14 @@ struct RunOptions {
   bool quiet = false;                // nothing on standard output
   bool json = false;                 // nothing but the summary as JSON on standard output
   std::string bind;                  // address of the live page; empty: this host only
+  ExportSettings exports;            // formats, frame
   ProcessSettings settings;          // of the processes
 };
 
 struct RunInputs {
   RunOptions options;  // with every default filled in
   std::string vocabulary_hash;
+  std::string guessed_camera;      // content of options.camera if that file is still to be written; else empty
   int num_frames = 0;              // about so many, for a progress line; 0 if nobody knows
   std::vector<std::string> notes;  // lines for the user, e.g. which camera file was taken
 };

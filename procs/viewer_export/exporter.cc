@@ -9,8 +9,11 @@
 #include <vector>
 
 #include "libs/base/write_file.h"
+#include "libs/formats/map_formats.h"
 #include "procs/viewer_export/colmap_export.h"
 #include "procs/viewer_export/graph_export.h"
+#include "procs/viewer_export/level_frame.h"
+#include "procs/viewer_export/placed_map_export.h"
 #include "procs/viewer_export/ply_export.h"
 #include "procs/viewer_export/report.h"
 #include "procs/viewer_export/summary.h"
@@ -44,16 +47,31 @@ void RemoveStale(const fs::path& dir, const std::vector<int>& keep) {
       stale.push_back(entry.path());
   }
   for (const fs::path& path : stale) {
-    for (const char* file : {"frames.tum", "keyframes.tum", "map.ply", "cameras.ply", "trajectory.svg"})
-      fs::remove(path / file, error);
+    fs::remove(path / "trajectory.svg", error);
+    for (const MapFormat& format : MapFormats()) {
+      for (const std::string& file : format.files) fs::remove(path / file, error);
+    }
     fs::remove(path, error);  // only if empty now
   }
 }
 
 std::string Describe(const Snapshot& snapshot, int component) {
+  const FrameOfReference& frame = snapshot.components[component].frame;
   const SnapshotSubmap& root = snapshot.submaps[snapshot.components[component].root];
-  return "t tx ty tz qx qy qz qw, world_from_camera; world: the frame and unit of submap " +
-         std::to_string(root.number);
+  return "t tx ty tz qx qy qz qw, world_from_camera; world: " +
+         (frame.name == "map" ? "the frame and unit of submap " + std::to_string(root.number) : Describe(frame));
+}
+
+// With the coordinates of the reference system in full: the text has the digits.
+Trajectory InFull(Trajectory trajectory, const FrameOfReference& frame) {
+  for (StampedPose& pose : trajectory) pose.world_from_camera.translation += frame.origin;
+  return trajectory;
+}
+
+void ChooseFrames(const std::string& name, Snapshot* snapshot) {
+  for (int c = 0; c < static_cast<int>(snapshot->components.size()); ++c) {
+    if (name == "level") PlaceLevel(c, snapshot);
+  }
 }
 
 struct EvaluatedMap {
@@ -73,11 +91,31 @@ std::string TrajectorySvg(const Snapshot& snapshot, int component, const Evaluat
 void ExportComponent(const Snapshot& snapshot, int component, const EvaluatedMap& evaluated, const fs::path& dir) {
   MakeDirectory(dir);
   const SnapshotComponent& c = snapshot.components[component];
-  WriteTrajectory((dir / "frames.tum").string(), ToTrajectory(c.frames), Describe(snapshot, component));
-  WriteTrajectory((dir / "keyframes.tum").string(), ToTrajectory(c.keyframes), Describe(snapshot, component));
+  WriteTrajectory((dir / "frames.tum").string(), InFull(ToTrajectory(c.frames), c.frame),
+                  Describe(snapshot, component));
+  WriteTrajectory((dir / "keyframes.tum").string(), InFull(ToTrajectory(c.keyframes), c.frame),
+                  Describe(snapshot, component));
   WriteFile((dir / "map.ply").string(), MakePly(snapshot, component));
   WriteFile((dir / "cameras.ply").string(), MakeCamerasPly(snapshot, component));
   WriteFile((dir / "trajectory.svg").string(), TrajectorySvg(snapshot, component, evaluated));
+}
+
+// One at a time, for attempt to run: a format that fails keeps no other from being written.
+void ExportFormats(const Snapshot& snapshot, int component, const std::vector<std::string>& formats,
+                   const fs::path& dir, const std::function<void(const std::function<void()>&)>& attempt) {
+  if (formats.empty()) return;
+  const PlacedMap map = MakePlacedMap(snapshot, component);
+  for (const std::string& format : formats) attempt([&] { WriteFormat(format, map, dir.string()); });
+}
+
+// Those asked for, and those that lie there from an earlier export.
+std::vector<std::string> FormatsToWrite(const std::vector<std::string>& asked, const std::string& dir) {
+  std::vector<std::string> formats = FormatsIn(dir);
+  for (const std::string& format : asked) {
+    if (std::find(formats.begin(), formats.end(), format) == formats.end() && !IsAlwaysWritten(format))
+      formats.push_back(format);
+  }
+  return formats;
 }
 
 void ExportColmap(const Snapshot& snapshot, const fs::path& dir) {
@@ -93,7 +131,11 @@ void ExportNothing(const fs::path& dir) {
   for (const char* file : {"frames.tum", "keyframes.tum"})
     WriteTrajectory((dir / file).string(), {}, "no frame was tracked");
   std::error_code error;
-  for (const char* file : {"map.ply", "cameras.ply", "trajectory.svg"}) fs::remove(dir / file, error);
+  fs::remove(dir / "trajectory.svg", error);
+  for (const MapFormat& format : MapFormats()) {
+    if (format.name == "tum") continue;
+    for (const std::string& file : format.files) fs::remove_all(dir / file, error);
+  }
 }
 
 void ExportSubmaps(const Snapshot& snapshot, const fs::path& dir) {
@@ -119,9 +161,10 @@ void PrepareDirectory(const std::string& dir) {
   fs::remove(probe, error);
 }
 
-std::vector<std::string> ExportAll(const MapModel& model, const GroundTruth* ground_truth,
-                                   const std::string& dir_name) {
+std::vector<std::string> ExportAll(const MapModel& model, const GroundTruth* ground_truth, const std::string& dir_name,
+                                   const ExportOptions& options) {
   const fs::path dir = dir_name;
+  const std::vector<std::string> formats = FormatsToWrite(options.formats, dir_name);
   std::vector<std::string> problems;
   const auto attempt = [&](const std::function<void()>& write) {
     try {
@@ -131,14 +174,17 @@ std::vector<std::string> ExportAll(const MapModel& model, const GroundTruth* gro
     }
   };
   attempt([&] { PrepareDirectory(dir_name); });
-  const Snapshot snapshot = MakeSnapshot(model);
+  Snapshot snapshot = MakeSnapshot(model);
+  ChooseFrames(options.frame, &snapshot);
   EvaluatedMap evaluated;
   evaluated.ground_truth = ground_truth;
   if (ground_truth != nullptr) evaluated.evaluation = EvaluateMap(snapshot, *ground_truth);
   attempt([&] { snapshot.components.empty() ? ExportNothing(dir) : ExportColmap(snapshot, dir / "colmap"); });
   std::vector<int> others;
   for (int c = 0; c < static_cast<int>(snapshot.components.size()); ++c) {
-    attempt([&] { ExportComponent(snapshot, c, evaluated, c == 0 ? dir : dir / "components" / std::to_string(c)); });
+    const fs::path folder = c == 0 ? dir : dir / "components" / std::to_string(c);
+    attempt([&] { ExportComponent(snapshot, c, evaluated, folder); });
+    ExportFormats(snapshot, c, formats, folder, attempt);
     if (c > 0) others.push_back(c);
   }
   RemoveStale(dir / "components", others);

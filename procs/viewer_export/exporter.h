@@ -11,11 +11,18 @@ namespace mapmend {
 // Makes sure that dir exists and can be written to. Throws std::runtime_error with one line.
 void PrepareDirectory(const std::string& dir);
 
+struct ExportOptions {
+  std::string frame = "map";         // one of FrameNames
+  std::vector<std::string> formats;  // beside those that are always written (libs/formats/map_formats.h)
+};
+
 // Writes every export of the map into dir (docs/exports.md describes the files); summary.json and report.html come
-// last. Files of components and submaps that an earlier export left and that do not exist any more are removed.
-// ground_truth may be null. One that cannot be written (a full disk) does not keep the others from being written.
-// Returns a line for each that failed; empty: all are there.
-std::vector<std::string> ExportAll(const MapModel& model, const GroundTruth* ground_truth, const std::string& dir);
+// last. Formats written on demand that lie in dir are written anew, so that none is of an older map. Files of
+// components and submaps that an earlier export left and that do not exist any more are removed. ground_truth may be
+// null. One that cannot be written (a full disk) does not keep the others from being written. Returns a line for each
+// that failed; empty: all are there.
+std::vector<std::string> ExportAll(const MapModel& model, const GroundTruth* ground_truth, const std::string& dir,
+                                   const ExportOptions& options = {});
 
 // Makes report.html in dir again from summary.json and the pictures there.
 void RebuildReport(const std::string& dir);

@@ -7,6 +7,7 @@
 #include "libs/bus/process.h"
 #include "libs/command_line/command_line.h"
 #include "libs/command_line/option_flags.h"
+#include "libs/formats/map_formats.h"
 #include "libs/geometry/read_trajectory.h"
 #include "procs/viewer_export/exporter.h"
 #include "procs/viewer_export/live_server.h"
@@ -21,11 +22,16 @@ int Main(int argc, char** argv) {
       "viewer_export");
   ProcessOptions process;
   ViewerOptions options;
+  std::vector<std::string> formats;
   double time_offset_s = 0, time_tolerance_s = 0;
   std::string ground_truth, times, report, bind = "127.0.0.1";
   int port = 0;
   AddProcessOptions(&app, &process);
   app.add_option("--out", options.out, "Directory for the exports (default: none are written)");
+  app.add_option("--format", formats, "Formats to write beside those that always are, e.g. las,mcap");
+  app.add_option("--frame", options.exports.frame, "Frame of reference of the exports")
+      ->check(CLI::IsMember(FrameNames()))
+      ->capture_default_str();
   app.add_option("--groundtruth", ground_truth, "trajectory to compare the map with");
   app.add_option("--times", times, "times of the frames, for a ground truth without times (KITTI)");
   app.add_option("--time-offset", time_offset_s, "seconds to add to the times of the ground truth");
@@ -47,6 +53,7 @@ int Main(int argc, char** argv) {
     return 0;
   }
   if (tolerance->count() > 0) options.evaluation.tolerance_us = std::llround(time_tolerance_s * 1e6);
+  options.exports.formats = ParseFormats(formats);
   RequireGoodOptions(OptionList::Of(options));
   // What can be wrong with the arguments shows before anything is connected.
   if (!ground_truth.empty()) {

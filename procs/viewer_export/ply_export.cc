@@ -1,9 +1,7 @@
 #include "procs/viewer_export/ply_export.h"
 
-#include <bit>
-#include <cstring>
-
-#include "libs/drawing/canvas.h"
+#include "libs/formats/little_endian.h"
+#include "procs/viewer_export/submap_color.h"
 
 namespace mapmend {
 namespace {
@@ -15,14 +13,8 @@ class PlyFile {
   explicit PlyFile(const std::string& comment) : comment_(comment) {}
 
   void Add(const Eigen::Vector3d& position, const std::array<uint8_t, 3>& color) {
-    static_assert(std::endian::native == std::endian::little);
-    for (int i = 0; i < 3; ++i) {
-      const float value = static_cast<float>(position[i]);
-      char raw[sizeof(float)];
-      std::memcpy(raw, &value, sizeof(raw));
-      vertices_.append(raw, sizeof(raw));
-    }
-    for (const uint8_t c : color) vertices_.push_back(static_cast<char>(c));
+    for (int i = 0; i < 3; ++i) Append(static_cast<float>(position[i]), &vertices_);
+    for (const uint8_t c : color) Append(c, &vertices_);
     ++count_;
   }
 
@@ -39,11 +31,6 @@ class PlyFile {
   size_t count_ = 0;
 };
 
-std::array<uint8_t, 3> ParseColor(const std::string& color) {
-  const unsigned long rgb = std::stoul(color.substr(1), nullptr, 16);
-  return {static_cast<uint8_t>(rgb >> 16), static_cast<uint8_t>(rgb >> 8), static_cast<uint8_t>(rgb)};
-}
-
 }  // namespace
 
 std::string MakePly(const Snapshot& snapshot, int component) {
@@ -56,7 +43,7 @@ std::string MakeCamerasPly(const Snapshot& snapshot, int component) {
   PlyFile file("camera path, in the colours of the submaps");
   for (const int index : snapshot.components[component].submaps) {
     const SnapshotSubmap& submap = snapshot.submaps[index];
-    const std::array<uint8_t, 3> color = ParseColor(CategoryColor(submap.number));
+    const std::array<uint8_t, 3> color = SubmapColor(submap.number);
     for (size_t i = 0; i < submap.frames.size(); ++i) {
       const Eigen::Vector3d center = submap.frames[i].cam_from_root.Center();
       // The way to the next frame; none where frames are missing in between.

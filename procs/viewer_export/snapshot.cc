@@ -111,8 +111,10 @@ std::vector<SnapshotKeyframe> PlaceKeyframes(const Snapshot& snapshot, const std
     for (const auto& [id, keyframe] : submap.submap->keyframes) {
       SnapshotKeyframe placed{index, id, keyframe.utime, Rigid3()};
       const auto it = refined.find(id);
-      placed.cam_from_root = it != refined.end() ? it->second.cam_from_root
-                                                 : TransformWorld(keyframe.cam_from_submap, submap.root_from_submap);
+      const bool is_refined = it != refined.end();
+      placed.cam_from_root =
+          is_refined ? it->second.cam_from_root : TransformWorld(keyframe.cam_from_submap, submap.root_from_submap);
+      placed.scale = is_refined ? it->second.scale : submap.root_from_submap.scale;
       keyframes.push_back(placed);
     }
   }
@@ -202,8 +204,25 @@ Snapshot MakeSnapshot(const MapModel& model) {
   return snapshot;
 }
 
+void PlaceInFrame(const FrameOfReference& frame, const Similarity3& frame_from_root, int index, Snapshot* snapshot) {
+  SnapshotComponent& component = snapshot->components[index];
+  component.frame = frame;
+  component.frame_from_root = frame_from_root;
+  const auto place = [&](Rigid3* cam_from_root) { *cam_from_root = TransformWorld(*cam_from_root, frame_from_root); };
+  for (MergedFrame& f : component.frames) place(&f.cam_from_root);
+  for (SnapshotKeyframe& k : component.keyframes) {
+    place(&k.cam_from_root);
+    k.scale *= frame_from_root.scale;
+  }
+  for (const int s : component.submaps) {
+    for (MergedFrame& f : snapshot->submaps[s].frames) place(&f.cam_from_root);
+  }
+}
+
 std::vector<ColoredPoint> ComponentPoints(const Snapshot& snapshot, int component) {
   std::vector<ColoredPoint> points;
+  const SnapshotComponent& placed = snapshot.components[component];
+  const bool is_moved = placed.frame.name != FrameOfReference().name;
   for (const int index : snapshot.components[component].submaps) {
     const SnapshotSubmap& submap = snapshot.submaps[index];
     // Of a submap that was refined: the points that it kept, and that are not fused into another's.
@@ -225,6 +244,7 @@ std::vector<ColoredPoint> ComponentPoints(const Snapshot& snapshot, int componen
       } else {
         colored.position = submap.root_from_submap * point.position.cast<double>();
       }
+      if (is_moved) colored.position = placed.frame_from_root * colored.position;
       std::array<int, 3> sum = {0, 0, 0};
       int n = 0;
       for (const SubmapObservation& observation : point.observations) {

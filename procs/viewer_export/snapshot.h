@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "libs/formats/placed_map.h"
 #include "libs/geometry/trajectory_file.h"
 #include "procs/viewer_export/map_model.h"
 
@@ -40,13 +41,17 @@ struct SnapshotKeyframe {
   KeyframeId id;
   int64_t utime = 0;
   Rigid3 cam_from_root;
+  double scale = 1;  // length of one submap unit near it, in root units
 };
 
+// "Root" in all names means the frame of the component's root submap, until PlaceInFrame puts another one in its place.
 struct SnapshotComponent {
   int root = 0;                             // index into Snapshot::submaps
   std::vector<int> submaps;                 // indices, ascending
   std::vector<MergedFrame> frames;          // ascending by time; a frame tracked in several submaps has one pose here
   std::vector<SnapshotKeyframe> keyframes;  // ascending by time
+  FrameOfReference frame;                   // of all the poses, and of ComponentPoints
+  Similarity3 frame_from_root;              // from that of the root submap
 };
 
 struct Snapshot {
@@ -68,8 +73,12 @@ struct Snapshot {
 // number.
 Snapshot MakeSnapshot(const MapModel& model);
 
+// Moves a component into another frame: poses, those of its submaps' frames included, scales, and what ComponentPoints
+// will list. root_from_submap of its submaps stays. To be called at most once for each component.
+void PlaceInFrame(const FrameOfReference& frame, const Similarity3& frame_from_root, int component, Snapshot* snapshot);
+
 struct ColoredPoint {
-  Eigen::Vector3d position;                        // root frame
+  Eigen::Vector3d position;                        // frame of the component
   std::array<uint8_t, 3> color = {160, 160, 160};  // mean of its observations; grey without
   int submap = 0;                                  // index into Snapshot::submaps
   MapPointId id;
@@ -79,7 +88,7 @@ struct ColoredPoint {
 // listed.
 std::vector<ColoredPoint> ComponentPoints(const Snapshot& snapshot, int component);
 
-// world_from_camera, in the root frame of the component.
+// world_from_camera, in the frame of the component.
 Trajectory ToTrajectory(const std::vector<MergedFrame>& frames);
 Trajectory ToTrajectory(const std::vector<SnapshotKeyframe>& keyframes);
 // As tracked: world_from_camera in the submap's own frame, ascending by time.

@@ -193,6 +193,10 @@ std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evalu
   json["revision"] = merged.revision;
   json["refined"] = merged.refined;
   json["final"] = merged.is_final;
+  const FrameOfReference frame = any ? snapshot.components[0].frame : FrameOfReference();
+  json["frame"] = frame.name;
+  json["unit"] = frame.unit;
+  if (!frame.note.empty()) json["frame_note"] = frame.note;
   json["frames_in"] = snapshot.num_frames_in;
   json["frames_tracked"] = snapshot.num_frames_tracked;
   json["frames_in_main"] = any ? snapshot.components[0].frames.size() : 0;

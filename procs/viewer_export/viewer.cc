@@ -130,7 +130,7 @@ void Viewer::Impl::ExportIfComplete() {
   exported_version = model.Version();
   if (!options.out.empty()) {
     const auto start = Clock::now();
-    const std::vector<std::string> problems = ExportAll(model, TruthOrNull(), options.out);
+    const std::vector<std::string> problems = ExportAll(model, TruthOrNull(), options.out, options.exports);
     for (const std::string& problem : problems) spdlog::error("viewer_export: {}", problem);
     health.SetCounter("exports_failed", static_cast<double>(problems.size()));
     if (!problems.empty()) {

@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "procs/viewer_export/map_evaluation.h"
+#include "procs/viewer_export/exporter.h"
 
 namespace mapmend {
 
@@ -15,8 +15,9 @@ struct ViewerOptions {
   std::string out;                          // directory of the exports, see PrepareDirectory; empty: none are written
   std::optional<GroundTruth> ground_truth;  // to compare the map with
   EvaluationOptions evaluation;             // how
+  ExportOptions exports;                    // into out
 
-  // Not visited: out, ground_truth: of one run.
+  // Not visited: out, ground_truth, exports: of one run.
   template <typename Visitor>
   void Visit(Visitor& v) {
     v("evaluation", evaluation);

@@ -1,0 +1,45 @@
+#include "procs/mapmend/export_settings.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "libs/formats/map_formats.h"
+#include "procs/mapmend/run_summary.h"
+
+namespace mapmend {
+
+void ExportSettings::AddOptions(CLI::App* sub) {
+  std::string names;
+  for (const MapFormat& format : MapFormats()) {
+    if (!format.is_always_written) names += (names.empty() ? "" : ", ") + format.name;
+  }
+  sub->add_option("--format", given_,
+                  "formats to write beside TUM, PLY and COLMAP, separated by commas: " + names +
+                      " (those that are there are kept up to date)");
+  sub->add_option("--frame", frame,
+                  "of everything that is written: map (the first submap's own), level (ground horizontal, z up); the "
+                  "unit is arbitrary (default: as before, else map)")
+      ->check(CLI::IsMember(FrameNames()));
+}
+
+void ExportSettings::Check() { formats = ParseFormats(given_); }
+
+ExportSettings ExportSettings::WithEarlier(const std::string& folder) const {
+  ExportSettings settings = *this;
+  for (const std::string& format : FormatsIn(folder)) {
+    if (std::find(formats.begin(), formats.end(), format) == formats.end()) settings.formats.push_back(format);
+  }
+  if (frame.empty() && std::filesystem::exists(folder + "/summary.json"))
+    settings.frame = ReadSummary(folder).value("frame", "");
+  return settings;
+}
+
+std::vector<std::string> ExportSettings::Arguments() const {
+  std::vector<std::string> arguments;
+  if (!frame.empty()) arguments.insert(arguments.end(), {"--frame", frame});
+  for (const std::string& format : formats) arguments.insert(arguments.end(), {"--format", format});
+  return arguments;
+}
+
+}  // namespace mapmend

@@ -1,0 +1,11 @@
+#pragma once
+
+#include "libs/formats/placed_map.h"
+#include "procs/viewer_export/snapshot.h"
+
+namespace mapmend {
+
+// A component in the frame that it was placed in, with everything that the formats of libs/formats tell.
+PlacedMap MakePlacedMap(const Snapshot& snapshot, int component);
+
+}  // namespace mapmend
