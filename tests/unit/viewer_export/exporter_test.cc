@@ -126,6 +126,37 @@ TEST_F(ExporterTest, LoopsWithinASubmapAreToldApartFromConnections) {
   EXPECT_THAT(Read("report.html"), HasSubstr("17 pairs of keyframes at 2 places"));
 }
 
+TEST_F(ExporterTest, FormatsAreWrittenOnDemandAndKeptUpToDate) {
+  TestFlightOptions options;
+  options.num_submaps = 3;
+  const TestFlight flight(options);
+  MapModel model = MakeModel(flight);
+  MapRevision merged = flight.Revision();
+  merged.transforms.submaps[2].component = 1;
+  merged.transforms.submaps[2].is_root = true;
+  model.SetRevision(merged);
+  ExportOptions wanted;
+  ExportAll(model, nullptr, dir_.string(), wanted);
+  EXPECT_FALSE(fs::exists(dir_ / "map.las"));
+  wanted.formats = {"las", "tum"};
+  wanted.frame = "level";
+  EXPECT_TRUE(ExportAll(model, nullptr, dir_.string(), wanted).empty());
+  EXPECT_EQ(fs::file_size(dir_ / "map.las"), 375u + 24 * 36);
+  EXPECT_EQ(fs::file_size(dir_ / "components/1/map.las"), 375u + 12 * 36);
+  EXPECT_EQ(Summary()["frame"], "level");
+  EXPECT_THAT(Read("frames.tum"), HasSubstr("world: frame level, unit map units (arbitrary)"));
+  for (const StampedPose& pose : ReadTrajectory((dir_ / "frames.tum").string()))
+    EXPECT_NEAR(pose.world_from_camera.translation.z(), 5, 0.2) << "50 m above the ground";
+
+  // Another map in the same folder, all in one component; nobody asks for LAS.
+  MapModel joined = MakeModel(flight);
+  joined.SetRevision(flight.Revision());
+  EXPECT_TRUE(ExportAll(joined, nullptr, dir_.string()).empty());
+  EXPECT_EQ(fs::file_size(dir_ / "map.las"), 375u + 36 * 36) << "no file of an older map";
+  EXPECT_FALSE(fs::exists(dir_ / "components/1"));
+  EXPECT_EQ(Summary()["frame"], "map");
+}
+
 TEST_F(ExporterTest, GroundTruthGivesErrorsInMetres) {
   const TestFlight flight;
   MapModel model = MakeModel(flight);
