@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <exiv2/exiv2.hpp>
 #include <filesystem>
@@ -50,6 +51,8 @@ class Tags {
     if (found == data_.end()) return {};
     std::string text = found->toString();
     text.erase(std::find(text.begin(), text.end(), '\0'), text.end());
+    std::replace_if(
+        text.begin(), text.end(), [](unsigned char c) { return std::iscntrl(c) != 0; }, ' ');
     const size_t last = text.find_last_not_of(' ');
     return text.substr(0, last == std::string::npos ? 0 : last + 1);
   }

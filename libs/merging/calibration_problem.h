@@ -3,6 +3,7 @@
 #include <map>
 #include <string>
 
+#include "libs/base/range.h"
 #include "libs/optim/calibration.h"
 #include "libs/stream/revision.h"
 #include "libs/stream/submap.h"
@@ -12,6 +13,11 @@ namespace mapmend {
 struct CalibrationProblemOptions {
   // For each keyframe at least this many of its longest tracks take part; 0: all.
   int points_per_keyframe = 250;
+
+  template <typename Visitor>
+  void Visit(Visitor& v) {
+    v("points_per_keyframe", points_per_keyframe, Range(0, 1e6), "points; 0: all");
+  }
 };
 
 // The calibration problem of a finished, refined map's main component: its refined keyframes and points, and the

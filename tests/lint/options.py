@@ -15,6 +15,7 @@ import sys
 ARGUMENTS = {
     "libs/bus/process.h": {"ProcessOptions"},
     "procs/mapmend/backend.h": {"BackendOptions"},
+    "procs/mapmend/calibrate_command.cc": {"CalibrateOptions"},
     "procs/mapmend/close_command.cc": {"CloseOptions"},
     "procs/mapmend/doctor_command.cc": {"DoctorOptions"},
     "procs/mapmend/edges_command.cc": {"EdgesOptions"},
@@ -26,6 +27,7 @@ ARGUMENTS = {
     "procs/mapmend/station_command.cc": {"StationOptions"},
     "procs/mapmend/status_command.cc": {"StatusOptions"},
     "procs/merger/merger_process.h": {"MergerProcessOptions"},
+    "procs/viewer_export/exporter.h": {"ExportOptions"},
     "procs/viewer_export/trajectory_picture.h": {"TrajectoryPictureOptions"},
 }
 STRUCT = re.compile(r"^(?P<indent> *)struct (?P<name>\w*Options) \{\n(?P<body>.*?)^(?P=indent)\};", re.M | re.S)

@@ -118,6 +118,29 @@ TEST_F(FirstUseTest, EdgesAsJson) {
   EXPECT_TRUE(json.at("final"));
 }
 
+TEST_F(FirstUseTest, ExportsKeepTheFormatsAndTheFrameThatTheyWereTold) {
+  const std::string before = ReadText(Out() + "/frames.tum");
+  ASSERT_EQ(Call({"export", Out(), "--format", "mcap,g2o", "--frame", "level"}).exit_code, 0);
+  EXPECT_EQ(Json::parse(ReadText(Out() + "/summary.json")).at("frame"), "level");
+  const std::string level = ReadText(Out() + "/frames.tum"), mcap = ReadText(Out() + "/map.mcap");
+  EXPECT_NE(level, before);
+  EXPECT_FALSE(mcap.empty());
+  // Merged anew: the exports are made in another place, and put here when all of it is complete.
+  ASSERT_EQ(Call({"merge", Out()}).exit_code, 0);
+  EXPECT_EQ(ReadText(Out() + "/frames.tum"), level);
+  EXPECT_EQ(ReadText(Out() + "/map.mcap"), mcap);
+  ASSERT_EQ(Call({"export", Out(), "--frame", "map"}).exit_code, 0);
+  EXPECT_EQ(ReadText(Out() + "/frames.tum"), before);
+  EXPECT_NE(ReadText(Out() + "/map.mcap"), mcap) << "formats that are there are kept up to date";
+}
+
+TEST_F(FirstUseTest, AMapThatCannotTellItsCameraIsNoCalibration) {
+  const CommandResult result = Call({"calibrate", Out()});
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_NE(result.output.find("focal length"), std::string::npos) << result.output;
+  EXPECT_FALSE(std::filesystem::exists(Out() + "/calibrated_camera.yaml"));
+}
+
 TEST(UsageTest, AMistakeInTheCommandLineIsOneLineAndTwo) {
   const std::vector<std::pair<std::vector<std::string>, std::string>> mistakes = {
       {{"rnu", "a.mp4"}, "mapmend: no command 'rnu'; did you mean run?"},
@@ -127,6 +150,11 @@ TEST(UsageTest, AMistakeInTheCommandLineIsOneLineAndTwo) {
       {{"hub", "--prot", "1"}, "mapmend: hub: no option --prot; did you mean --port?"},
       {{"simulate", "--out", "x", "--sede", "1"}, "mapmend: simulate: no option --sede; did you mean --seed?"},
       {{"vocab", "info"}, "mapmend: vocab info: FILE is missing"},
+      {{"export", "x", "--format", "las,mcpa"},
+       "mapmend: --format: no format 'mcpa'; did you mean mcap? (there are tum, ply, colmap, kitti, euroc, las, g2o, "
+       "gltf, mcap)"},
+      {{"run", "a.mp4", "--format", "pdf"}, "mapmend: --format: no format 'pdf'"},
+      {{"run", "a.mp4", "--frame", "levl"}, "mapmend: run: --frame: levl not in {map,level}"},
       {{"run", "--speed", "2", "--live", "--camera", kFlight + "camera.yaml"}, "mapmend: --speed needs --realtime"}};
   for (const auto& [words, line] : mistakes) {
     const CommandResult result = Call(words);

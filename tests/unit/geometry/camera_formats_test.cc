@@ -465,5 +465,34 @@ TEST_F(CameraFormatsTest, DamagedFilesAreReadOrRefused) {
   EXPECT_GT(num_refused, 1000);
 }
 
+TEST(FormatCameraFile, IsReadBackToTheLastDigit) {
+  const ScratchFolder folder;
+  Camera camera;
+  camera.width = 800;
+  camera.height = 600;
+  camera.fx = 478.25000123;
+  camera.fy = 479.5;
+  camera.cx = 399.25;
+  camera.cy = 301;
+  camera.fps = 29.97;
+  for (const Model model : {Model::kPinhole, Model::kFisheye}) {
+    camera.model = model;
+    camera.distortion = {-0.0123456789, 0.02, 0.0003, -0.00004, model == Model::kPinhole ? 0.005 : 0};
+    std::ofstream(folder.File("camera.yaml")) << FormatCameraFile(camera, {"made by a test", "of two lines"});
+    const Camera read = ReadCamera(folder.File("camera.yaml"));
+    EXPECT_EQ(read.model, camera.model);
+    EXPECT_EQ(read.fx, camera.fx);
+    EXPECT_EQ(read.fy, camera.fy);
+    EXPECT_EQ(read.cx, camera.cx);
+    EXPECT_EQ(read.cy, camera.cy);
+    EXPECT_EQ(read.distortion, camera.distortion);
+    EXPECT_EQ(read.width, 800);
+    EXPECT_EQ(read.height, 600);
+    EXPECT_EQ(read.fps, 29.97);
+  }
+  camera.model = Model::kFov;
+  EXPECT_THROW(FormatCameraFile(camera, {}), std::runtime_error);
+}
+
 }  // namespace
 }  // namespace mapmend

@@ -5,9 +5,13 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <exiv2/exiv2.hpp>
 #include <filesystem>
 #include <fstream>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
 
+#include "libs/geometry/camera.h"
 #include "procs/mapmend/bus_plan.h"
 #include "procs/mapmend/out_folder.h"
 #include "procs/mapmend/run_options.h"
@@ -97,6 +101,33 @@ std::string CameraText(double f, double cx, double cy, const std::string& more) 
   char text[300];
   std::snprintf(text, sizeof(text), "Camera.fx: %g\nCamera.fy: %g\nCamera.cx: %g\nCamera.cy: %g\n", f, f, cx, cy);
   return text + more;
+}
+
+TEST_F(RunInputsTest, WithoutACameraFilePhotosAreAskedAndElseTheErrorSaysHow) {
+  const std::string photo = (folder_ / "a.jpg").string();
+  cv::imwrite(photo, cv::Mat(300, 400, CV_8UC1, cv::Scalar(90)));
+  options_.inputs = {folder_.string()};
+  options_.camera.clear();
+  options_.times.clear();
+  options_.out = (folder_ / "out").string();
+  EXPECT_EQ(
+      Error(),
+      "no camera file: give one with --camera (there is no camera.yaml beside the input either); data/cameras has "
+      "examples, and its README says how to make one");
+  const auto image = Exiv2::ImageFactory::open(photo);
+  image->readMetadata();
+  image->exifData()["Exif.Image.Model"] = "FC300X";
+  image->writeMetadata();
+  EXPECT_NE(Error().find("and the EXIF of a.jpg does not tell a focal length"), std::string::npos) << Error();
+  image->exifData()["Exif.Photo.FocalLength"] = "361/100";
+  image->writeMetadata();
+  const RunInputs inputs = CheckRunInputs(options_);
+  EXPECT_EQ(inputs.options.camera, options_.out + "/camera.yaml");
+  EXPECT_FALSE(fs::exists(options_.out)) << "nothing is written yet";
+  EXPECT_NEAR(ReadCamera(Write("guessed.yaml", inputs.guessed_camera)).fx, 3.61 / 6.17 * 400, 1e-6);
+  EXPECT_NE(inputs.notes.front().find("guessed from EXIF"), std::string::npos) << inputs.notes.front();
+  Write("camera.yaml", CameraText(300, 199.5, 149.5, ""));
+  EXPECT_EQ(CheckRunInputs(options_).options.camera, (folder_ / "camera.yaml").string()) << "a file counts more";
 }
 
 // The images of the flight have 800 x 600 pixels.
