@@ -120,17 +120,19 @@ void GeoTiffWriter::Finish() {
 }
 
 void WriteHeights(const std::string& path, const GroundSurface& surface, const GroundRaster& raster, int step,
-                  int epsg) {
+                  const Eigen::Vector3d& offset, int epsg) {
   GroundRaster coarse = raster;
   coarse.gsd = raster.gsd * step;
   coarse.width = (raster.width + step - 1) / step;
   coarse.height = (raster.height + step - 1) / step;
-  Dataset dataset = CreateRaw(path, coarse, 1, GDT_Float32, epsg);
+  GroundRaster in_full = coarse;
+  in_full.north_west += offset.head<2>();
+  Dataset dataset = CreateRaw(path, in_full, 1, GDT_Float32, epsg);
   std::vector<float> line(static_cast<size_t>(coarse.width));
   for (int row = 0; row < coarse.height; ++row) {
     for (int column = 0; column < coarse.width; ++column) {
       const Eigen::Vector2d place = coarse.Place(column, row);
-      line[static_cast<size_t>(column)] = static_cast<float>(surface.Height(place.x(), place.y()));
+      line[static_cast<size_t>(column)] = static_cast<float>(surface.Height(place.x(), place.y()) + offset.z());
     }
     if (dataset->GetRasterBand(1)->RasterIO(GF_Write, 0, row, coarse.width, 1, line.data(), coarse.width, 1,
                                             GDT_Float32, 0, 0, nullptr) != CE_None) {

@@ -28,8 +28,9 @@ class GeoTiffWriter {
 };
 
 // Heights over the same ground as one band of 32-bit floats, also cloud optimized.
-//   step  pixels of the raster for one of the heights
+//   step    pixels of the raster for one of the heights
+//   offset  from the frame of surface and raster to the coordinates of the file
 void WriteHeights(const std::string& path, const GroundSurface& surface, const GroundRaster& raster, int step,
-                  int epsg);
+                  const Eigen::Vector3d& offset, int epsg);
 
 }  // namespace mapmend

@@ -60,13 +60,16 @@ TEST(GeoTiff, SaysWhichFileCannotBeWritten) {
 
 TEST(GeoTiff, HeightsAreThoseOfTheSurface) {
   const ScratchFolder folder;
-  WriteHeights(folder.File("surface.tif"), GroundSurface(12.5), kRaster, 8, 0);
+  WriteHeights(folder.File("surface.tif"), GroundSurface(12.5), kRaster, 8, {100, 0, 3}, 0);
   auto* dataset = static_cast<GDALDataset*>(GDALOpen((folder.File("surface.tif")).c_str(), GA_ReadOnly));
   ASSERT_NE(dataset, nullptr);
   float height = 0;
   EXPECT_EQ(dataset->GetRasterBand(1)->RasterIO(GF_Read, 5, 5, 1, 1, &height, 1, 1, GDT_Float32, 0, 0, nullptr),
             CE_None);
-  EXPECT_EQ(height, 12.5F);
+  EXPECT_EQ(height, 15.5F);
+  std::array<double, 6> transform;
+  dataset->GetGeoTransform(transform.data());
+  EXPECT_EQ(transform[0], 500100);
   GDALClose(dataset);
 }
 
