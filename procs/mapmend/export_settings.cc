@@ -1,5 +1,6 @@
 #include "procs/mapmend/export_settings.h"
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>

@@ -28,7 +28,7 @@ void MakePhotos(const std::string& folder) {
   fs::create_directory(folder);
   const CommandResult made = RunCommand({"/usr/bin/ffmpeg", "-loglevel", "error", "-i", kFlight + "video.mp4", "-vsync",
                                          "0", "-q:v", "2", folder + "/photo%03d.jpg"},
-                                        300);
+                                        kPatienceS);
   ASSERT_EQ(made.exit_code, 0) << made.output;
   fs::copy_file(kFlight + "times.txt", folder + "/times.txt");
   for (const auto& entry : fs::directory_iterator(folder)) {
@@ -52,7 +52,7 @@ class Photos : public testing::Test {
     run_ = RunCommand({kProgram, "run", *folder_ / "photos", "--skip-frames", "74-83", "--groundtruth",
                        kFlight + "groundtruth.tum", "--out", Out(), "--seed", "1", "--port", "0", "--frame", "level",
                        "--format", "las,g2o,gltf,mcap,kitti", "--format", "euroc"},
-                      900);
+                      kPatienceS);
   }
   static void TearDownTestSuite() { folder_.reset(); }
   static std::string Out() { return *folder_ / "out"; }
@@ -148,7 +148,7 @@ TEST_F(Photos, FilesForOtherProgramsAreThere) {
 
 TEST_F(Photos, AFlightThatTurnsAndTiltsTellsItsFocalLength) {
   ASSERT_EQ(run_.exit_code, 0) << run_.output;
-  const CommandResult result = RunCommand({kProgram, "calibrate", Out(), "--json"}, 600);
+  const CommandResult result = RunCommand({kProgram, "calibrate", Out(), "--json"}, kPatienceS);
   ASSERT_EQ(result.exit_code, 0) << result.output;
   const Json told = Json::parse(result.output);
   const double focal_length = told.at("focal_length_px");
