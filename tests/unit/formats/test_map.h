@@ -57,7 +57,7 @@ inline PlacedMap MakeTestMap() {
 inline PlacedMap MakeUtmMap() {
   PlacedMap map = MakeTestMap();
   map.frame.name = "utm";
-  map.frame.unit = "m";
+  map.frame.unit = std::string("m");  // GCC 12 warns of the assignment of a literal
   map.frame.is_z_up = true;
   map.frame.epsg = 32630;
   map.frame.origin = {598765, 5912345, 120};
