@@ -118,6 +118,7 @@ CalibrationProblem MakeCalibrationProblem(const std::map<std::string, Session>& 
   }
   if (problem.poses.empty()) throw std::runtime_error("the map is not refined: `mapmend merge` refines it");
   std::vector<PointTrack> list;
+  list.reserve(tracks.size());
   for (auto& [key, track] : tracks) list.push_back(std::move(track));
   TakePoints(std::move(list), points, options.points_per_keyframe, &problem);
   return problem;

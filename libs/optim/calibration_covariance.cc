@@ -74,8 +74,9 @@ class ReducedSystem {
       const PointEquations& point = points_[i];
       if (!point.is_solvable) continue;
       Eigen::Vector3d right = point.by_intrinsics.transpose() * step->segment<kNumIntrinsics>(at);
-      for (const auto& [pose, block] : point.by_pose) right += block.transpose() * step->segment<6>(6 * pose);
-      step->segment<3>(at + kNumIntrinsics + 3 * static_cast<int>(i)) = -point.inverse * right;
+      for (const auto& [pose, block] : point.by_pose)
+        right += block.transpose() * step->segment<6>(Eigen::Index{6} * pose);
+      step->segment<3>(at + kNumIntrinsics + 3 * static_cast<Eigen::Index>(i)) = -point.inverse * right;
     }
   }
 
