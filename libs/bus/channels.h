@@ -34,6 +34,12 @@ inline constexpr char kGraphRequest[] = "MAPMEND_GRAPH_REQUEST";
 inline constexpr char kGraph[] = "MAPMEND_GRAPH";
 inline constexpr char kFramePose[] = "MAPMEND_FRAME_POSE";
 inline constexpr char kImage[] = "MAPMEND_IMAGE";
+inline constexpr char kKeyframeImage[] = "MAPMEND_KEYFRAME_IMAGE";
+inline constexpr char kImageRequest[] = "MAPMEND_IMAGE_REQUEST";
+inline constexpr char kImageFetch[] = "MAPMEND_IMAGE_FETCH";
+inline constexpr char kImageFetched[] = "MAPMEND_IMAGE_FETCHED";
+inline constexpr char kImageStatusRequest[] = "MAPMEND_IMAGE_STATUS_REQUEST";
+inline constexpr char kImageStatus[] = "MAPMEND_IMAGE_STATUS";
 inline constexpr char kHealth[] = "MAPMEND_HEALTH";
 
 }  // namespace mapmend::channels

@@ -7,6 +7,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace mapmend {
@@ -74,7 +75,11 @@ DecodedImage ReadImageFile(const std::string& path) {
   std::vector<uint8_t> bytes;
   if (!ReadBytes(path, &bytes)) return Problem(std::string("cannot be read: ") + std::strerror(errno));
   if (bytes.empty()) return Problem("is empty");
-  if (IsJpeg(bytes)) return DecodeJpeg(bytes.data(), bytes.size());
+  if (IsJpeg(bytes)) {
+    DecodedImage image = DecodeJpeg(bytes.data(), bytes.size());
+    if (image.pixels) image.jpeg = std::make_shared<const std::vector<uint8_t>>(std::move(bytes));
+    return image;
+  }
   auto pixels = std::make_shared<cv::Mat>();
   try {
     *pixels = cv::imdecode(bytes, cv::IMREAD_ANYDEPTH | cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace cv {
 class Mat;
@@ -16,6 +17,8 @@ namespace mapmend {
 struct DecodedImage {
   std::shared_ptr<cv::Mat> pixels;  // grey or BGR, any depth; null with a problem
   std::string problem;              // e.g. "is cut short"; follows the name of the file
+  std::shared_ptr<const std::vector<uint8_t>> jpeg =
+      nullptr;  // the bytes that the pixels were decoded from; null: no JPEG
 };
 
 // JPEG, grey or colour. A JPEG of which a part is missing or damaged is a problem: decoders make that part grey or

@@ -78,7 +78,7 @@ std::optional<SourceImage> FollowFolder::Take(const std::string& path, bool may_
     return std::nullopt;
   }
   last_utime_ = std::max(UtimeOf(path), last_utime_ + 1000);  // copied in a burst: a millisecond apart
-  return SourceImage{index, last_utime_, std::make_shared<cv::Mat>(range_.To8Bit(*image.pixels))};
+  return SourceImage{index, last_utime_, std::make_shared<cv::Mat>(range_.To8Bit(*image.pixels)), image.jpeg};
 }
 
 std::optional<SourceImage> FollowFolder::Next() {

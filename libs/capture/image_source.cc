@@ -273,7 +273,7 @@ std::optional<SourceImage> ImageSource::Next() {
       continue;
     }
     ++num_given_;
-    return SourceImage{index_, *utime, std::make_shared<cv::Mat>(range_.To8Bit(*image.pixels))};
+    return SourceImage{index_, *utime, std::make_shared<cv::Mat>(range_.To8Bit(*image.pixels)), std::move(image.jpeg)};
   }
 }
 

@@ -8,6 +8,7 @@
 #include "libs/base/backoff.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/requests.h"
+#include "libs/wire/image_codec.h"
 #include "libs/wire/query_codec.h"
 #include "libs/wire/revision_codec.h"
 
@@ -36,6 +37,8 @@ struct StoreClient::Impl {
   Requests<CloseRequest, CloseAnswer> closings;
   Requests<ProgressRequest, SessionProgress> progress_requests;
   Requests<EdgeRequest, EdgeAnswer> edge_requests;
+  Requests<ImageFetch, ImageAnswer> image_fetches;
+  Requests<ImageStatusRequest, ImageStatus> image_status_requests;
   std::set<int32_t> unacknowledged;  // parts of the revision that is being stored
   int64_t storing_revision = -1;
   Subscription revision_acks;
@@ -47,7 +50,9 @@ struct StoreClient::Impl {
         revision_fetches(b, requester, channels::kRevisionFetch, channels::kRevisionFetched),
         closings(b, requester, channels::kCloseSession, channels::kSessionClosed),
         progress_requests(b, requester, channels::kProgressRequest, channels::kProgress),
-        edge_requests(b, requester, channels::kEdgeRequest, channels::kEdgeDecisions) {
+        edge_requests(b, requester, channels::kEdgeRequest, channels::kEdgeDecisions),
+        image_fetches(b, requester, channels::kImageFetch, channels::kImageFetched),
+        image_status_requests(b, requester, channels::kImageStatusRequest, channels::kImageStatus) {
     revision_acks =
         bus->Subscribe<RevisionAck>(channels::kRevisionAck, Delivery::kKeepAll, [this](const RevisionAck& ack) {
           if (ack.revision == storing_revision) unacknowledged.erase(ack.part);
@@ -97,6 +102,14 @@ std::optional<std::vector<EdgeDecision>> StoreClient::DecideEdges(const std::vec
   std::optional<EdgeAnswer> answer = impl_->edge_requests.Ask(EdgeRequest{Addressed(), decisions}, timeout_ms);
   if (!answer) return std::nullopt;
   return std::move(answer->decisions);
+}
+
+std::optional<ImageAnswer> StoreClient::FetchImage(const std::string& session, KeyframeId keyframe, int timeout_ms) {
+  return impl_->image_fetches.Ask(ImageFetch{Addressed(), session, keyframe}, timeout_ms);
+}
+
+std::optional<ImageStatus> StoreClient::AskImages(const std::string& session, int timeout_ms) {
+  return impl_->image_status_requests.Ask(ImageStatusRequest{Addressed(), session}, timeout_ms);
 }
 
 bool StoreClient::StoreRevision(const MapRevision& revision, int timeout_ms) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "libs/bus/bus.h"
+#include "libs/stream/keyframe_images.h"
 #include "libs/stream/revision.h"
 #include "libs/stream/store_questions.h"
 
@@ -41,6 +42,10 @@ class StoreClient {
   std::optional<SessionProgress> AskProgress(const std::string& session, int timeout_ms = 10000);
   // Ends a session whose frontend died. nullopt: no answer in time.
   std::optional<CloseAnswer> CloseSession(const std::string& session, int timeout_ms = 10000);
+  // The image of a keyframe, or the answer that there is none. nullopt: no answer in time.
+  std::optional<ImageAnswer> FetchImage(const std::string& session, KeyframeId keyframe, int timeout_ms = 10000);
+  // How many keyframes of a session (empty: of all) have their images. nullopt: no answer in time.
+  std::optional<ImageStatus> AskImages(const std::string& session, int timeout_ms = 10000);
 
  private:
   struct Impl;

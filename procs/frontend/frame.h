@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "libs/features/features.h"
 #include "libs/features/matching.h"
@@ -11,6 +12,13 @@ class Mat;
 }  // namespace cv
 
 namespace mapmend {
+
+// The image of a frame as it came: its JPEG, or else its pixels. Both null: not kept, or let go of.
+struct OriginalImage {
+  std::shared_ptr<const std::vector<uint8_t>> jpeg;
+  std::shared_ptr<const cv::Mat> pixels;  // 8-bit BGR, BGRA or grey
+  int width = 0, height = 0;              // pixels
+};
 
 // One image after feature extraction; const once made. Where it lies in a submap and what it sees of it is in its
 // TrackResult, and in its WorkingKeyframe if it becomes one.
@@ -24,6 +32,7 @@ struct Frame {
   FeatureGrid grid;
   // Grey, for wide features; null: not kept, or let go of, which is all of a frame that ever changes.
   mutable std::shared_ptr<const cv::Mat> image;
+  mutable OriginalImage original;  // until the frame is published as a keyframe; let go of as the grey one is
 };
 
 using FramePtr = std::shared_ptr<const Frame>;

@@ -66,6 +66,9 @@ FramePtr FrameMaker::Make(const SourceImage& image) const {
   if (pixels.channels() == 4) cv::cvtColor(pixels, grey, cv::COLOR_BGRA2GRAY);
   auto frame = std::make_shared<Frame>();
   if (keep_images_) frame->image = KeptImage(grey);
+  if (keep_originals_) {
+    frame->original = {image.jpeg, image.jpeg ? nullptr : image.pixels, image.pixels->cols, image.pixels->rows};
+  }
   frame->index = image.index;
   frame->utime = image.utime;
   frame->mean_brightness = cv::mean(grey)[0];

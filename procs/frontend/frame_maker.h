@@ -16,14 +16,16 @@ class FrameMaker {
  public:
   // camera: of the images as they come.  scaled: the same after scaling to its width and height.  mask: of that size,
   // 0 where no feature may be; null: none.  keep_images: frames hold their grey image.
+  // keep_originals: and the image as it came.
   FrameMaker(const Camera& camera, const Camera& scaled, const OrbOptions& options,
-             std::shared_ptr<const cv::Mat> mask = nullptr, bool keep_images = false)
+             std::shared_ptr<const cv::Mat> mask = nullptr, bool keep_images = false, bool keep_originals = false)
       : input_width_(camera.width),
         input_height_(camera.height),
         camera_(scaled),
         extractor_(options),
         mask_(std::move(mask)),
-        keep_images_(keep_images) {}
+        keep_images_(keep_images),
+        keep_originals_(keep_originals) {}
 
   // Throws std::runtime_error if the image's size is not the camera's.
   FramePtr Make(const SourceImage& image) const;
@@ -35,7 +37,7 @@ class FrameMaker {
   Camera camera_;
   OrbExtractor extractor_;
   std::shared_ptr<const cv::Mat> mask_;
-  bool keep_images_;
+  bool keep_images_, keep_originals_;
 };
 
 }  // namespace mapmend

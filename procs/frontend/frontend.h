@@ -98,6 +98,8 @@ class Frontend {
   // Before the first frame: the beginnings and ends of submaps get wide features if there is a gap to be bridged, an
   // earlier submap or a loss. extract is called in a thread of its own.
   void ExtractWideFeatures(WideExtraction::Extract extract) { wide_.Enable(std::move(extract)); }
+  // Before the first frame: take gets the original image of every keyframe that is published; it must not wait.
+  void TakeImages(RecordPublisher::TakeImage take) { publisher_.SetTakeImage(std::move(take)); }
   // With a mapping thread, throws what that threw.
   FrameOutcome ProcessFrame(const FramePtr& frame);
   // Closes the current submap at the end of the input. in_haste: wide features that are not finished are given up.

@@ -76,13 +76,14 @@ Camera InputCamera(const RunOptions& options, const ImageSource* file) {
 }
 
 Input::Input(const RunOptions& options, const Camera& camera, std::unique_ptr<ImageSource> file,
-             const ResumePoint& resume)
+             const ResumePoint& resume, ResumedImages::OnPassed on_passed)
     : file_(std::move(file)) {
   if (!file_) live_ = OpenLive(options, camera);
   base_ = live_ ? static_cast<ImageStream*>(live_.get()) : file_.get();
   if (resume.is_resumed || options.first_frame > 0) {
     resumed_ = std::make_unique<ResumedImages>(
-        base_, ResumedImages::Start{live_ != nullptr, options.first_frame, resume.last_frame, resume.last_utime});
+        base_, ResumedImages::Start{live_ != nullptr, options.first_frame, resume.last_frame, resume.last_utime},
+        std::move(on_passed));
     base_ = resumed_.get();
   }
   if (options.mode == InputMode::kRealtime)

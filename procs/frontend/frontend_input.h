@@ -29,7 +29,9 @@ class Input {
  public:
   // Last of all that a run sets up: a camera or a clock does not wait.
   //   file  null for a camera
-  Input(const RunOptions& options, const Camera& camera, std::unique_ptr<ImageSource> file, const ResumePoint& resume);
+  //   on_passed  see ResumedImages
+  Input(const RunOptions& options, const Camera& camera, std::unique_ptr<ImageSource> file, const ResumePoint& resume,
+        ResumedImages::OnPassed on_passed = {});
 
   ImageStream* Stream() const { return paced_ ? paced_.get() : base_; }
   int NumFrames() const { return file_ ? file_->NumFrames() : 0; }  // 0: nobody knows

@@ -88,8 +88,14 @@ void LiveImages::Refuse(const std::string& problem) {
 std::optional<SourceImage> LiveImages::Next() {
   while (auto arrival = queue_.Pop()) {
     DecodedImage image = DecodeImage(*arrival->message);
-    if (image.pixels) return SourceImage{arrival->place.index, arrival->place.utime, std::move(image.pixels)};
-    Refuse("the JPEG " + image.problem);
+    if (!image.pixels) {
+      Refuse("the JPEG " + image.problem);
+      continue;
+    }
+    SourceImage taken{arrival->place.index, arrival->place.utime, std::move(image.pixels)};
+    // Not copied: they are the message's.
+    if (arrival->message->format == image_t::JPEG) taken.jpeg = {arrival->message, &arrival->message->data};
+    return taken;
   }
   return std::nullopt;
 }

@@ -86,6 +86,20 @@ void AddStreamOptions(CLI::App& app, mapmend::RunOptions& options) {
   app.add_option("--vehicle", options.vehicle, "name of the vehicle, for the record");
 }
 
+void AddImageOptions(CLI::App& app, mapmend::RunOptions& options) {
+  app.add_option(
+      "--images", options.images.keep,
+      "of keyframes, for the map: full, none, or a width in pixels to which larger ones are scaled (default: "
+      "full for files, 640 of a camera)");
+  app.add_option("--image-quality", options.images.quality,
+                 "of the JPEG of what did not come as one, 1 to 100; 0: PNG, without loss")
+      ->check(CLI::Range(0, 100))
+      ->capture_default_str();
+  app.add_option("--image-rate", options.images.rate_kbit_s,
+                 "images take at most so much of the link, kbit/s; 0: no limit (default: none on this host, else 4000)")
+      ->check(CLI::Range(0, 100000000));
+}
+
 void AddTrackingOptions(CLI::App& app, mapmend::RunOptions& options) {
   app.add_option("--lost-frames", options.frontend.max_lost_frames,
                  "consecutive frames without orientation that end a submap")
@@ -110,6 +124,7 @@ int Run(int argc, char** argv) {
   AddInputOptions(app, options);
   AddPaceOptions(app, pace, options);
   AddStreamOptions(app, options);
+  AddImageOptions(app, options);
   AddTrackingOptions(app, options);
   mapmend::AddOptionFlags(&app, "frontend", &options);
   if (const auto code = mapmend::ParseCommandLine(&app, argc, argv)) return *code;

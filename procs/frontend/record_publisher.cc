@@ -61,6 +61,9 @@ RecordPublisher::Records RecordPublisher::Take(int64_t utime, KeyframeIndex last
   if (next_keyframe_ == 0) records.emplace_back(map->Keyframes().front().frame->utime, SubmapStarted{map->Id()});
   for (; next_keyframe_ <= last_keyframe; ++next_keyframe_) {
     KeyframeRecord record = Describe(next_keyframe_, *map);
+    const WorkingKeyframe& source = map->Keyframe(next_keyframe_);
+    if (take_image_) take_image_(source.id, *source.frame);
+    source.frame->original = {};
     map->MarkPublished(next_keyframe_);
     records.emplace_back(map->Keyframe(next_keyframe_).frame->utime, std::move(record));
   }

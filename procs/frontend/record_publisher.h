@@ -38,6 +38,10 @@ class RecordPublisher {
   RecordPublisher(const RecordPublisherOptions& options, const Vocabulary* vocabulary, Emit emit)
       : options_(options), vocabulary_(vocabulary), emit_(std::move(emit)) {}
 
+  // take is given the original image of each keyframe before its record is emitted, by whichever thread publishes.
+  using TakeImage = std::function<void(KeyframeId keyframe, const Frame& frame)>;
+  void SetTakeImage(TakeImage take) { take_image_ = std::move(take); }
+
   // A submap that is not believed yet.
   void Begin();
   void Believe() { believed_ = true; }
@@ -72,6 +76,7 @@ class RecordPublisher {
   RecordPublisherOptions options_;
   const Vocabulary* vocabulary_;
   Emit emit_;
+  TakeImage take_image_;
   bool believed_ = false;
   KeyframeIndex next_keyframe_{0};    // the first one that is not published
   std::vector<TrackedFrame> frames_;  // not yet published

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <atomic>
+#include <functional>
 #include <optional>
+#include <utility>
 
 #include "libs/capture/image_stream.h"
 
@@ -18,13 +20,17 @@ class ResumedImages : public ImageStream {
     int last_frame = -1;    // that is in the stream
     int64_t last_utime = -1;
   };
-  ResumedImages(ImageStream* source, const Start& start) : source_(source), start_(start) {}
+  // on_passed: called for each image of a file that is passed over, from the thread that reads; may be empty.
+  using OnPassed = std::function<void(const SourceImage& image)>;
+  ResumedImages(ImageStream* source, const Start& start, OnPassed on_passed = {})
+      : source_(source), start_(start), on_passed_(std::move(on_passed)) {}
 
   std::optional<SourceImage> Next() override {
     while (auto image = source_->Next()) {
       if (start_.is_live) return Continued(std::move(*image));
       if (image->index > start_.last_frame && image->index >= start_.session_begin) return image;
       if (image->index >= start_.session_begin) ++num_passed_;
+      if (on_passed_) on_passed_(*image);
     }
     return std::nullopt;
   }
@@ -47,6 +53,7 @@ class ResumedImages : public ImageStream {
 
   ImageStream* source_;
   const Start start_;
+  const OnPassed on_passed_;
   std::atomic<int> num_passed_{0};
   bool is_shifted_ = false;
   int index_shift_ = 0;

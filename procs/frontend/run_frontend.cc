@@ -22,6 +22,7 @@
 #include "procs/frontend/flight_diary.h"
 #include "procs/frontend/frame_queue.h"
 #include "procs/frontend/frontend_input.h"
+#include "procs/frontend/keyframe_images.h"
 #include "procs/frontend/profiler.h"
 #include "procs/frontend/resume.h"
 #include "procs/frontend/run_options.h"
@@ -203,11 +204,12 @@ class FrontendRun {
   const Vocabulary vocabulary_;
   const OrbOptions orb_;
   const bool wants_wide_;
-  const FrameMaker maker_;
   const std::string session_;
   Bus bus_;
   std::unique_ptr<Bus> local_bus_;
   HealthReporter health_;
+  KeyframeImages images_;  // before who gives it images
+  const FrameMaker maker_;
   StreamSender sender_;
   Frontend frontend_;
   EventLog events_;
@@ -230,12 +232,13 @@ FrontendRun::FrontendRun(const RunOptions& options, std::unique_ptr<ImageSource>
       vocabulary_(Vocabulary::Read(options.vocabulary_path)),
       orb_(OrbFor(options, camera_)),
       wants_wide_(options.frontend.wide.num_keyframes > 0 && !options.frontend.relocalise_only),
-      maker_(input_camera_, camera_, orb_, MaskFor(options, camera_), wants_wide_),
       session_(SessionFor(options)),
       bus_(ResolveLcmUrl(options.process.lcm_url), options.process.channel_prefix),
       local_bus_(options.local_url.empty() ? nullptr
                                            : std::make_unique<Bus>(options.local_url, options.process.channel_prefix)),
       health_(&bus_, "frontend"),
+      images_(options, session_),
+      maker_(input_camera_, camera_, orb_, MaskFor(options, camera_), wants_wide_, images_.AreKept()),
       sender_(&bus_, session_, SenderOptionsFor(options)),
       frontend_(FrontendOptionsFor(options), camera_.Ideal(), PyramidOf(orb_), &vocabulary_,
                 [this](int64_t utime, RecordBody body) { sender_.Append(utime, std::move(body)); }),
@@ -243,6 +246,11 @@ FrontendRun::FrontendRun(const RunOptions& options, std::unique_ptr<ImageSource>
       diary_(&events_, &health_),
       file_(std::move(file)) {
   if (local_bus_) health_.AlsoTo(local_bus_.get());
+  if (images_.AreKept()) {
+    frontend_.TakeImages([this](KeyframeId keyframe, const Frame& frame) {
+      images_.Take(keyframe, frame.index, frame.utime, frame.original);
+    });
+  }
   if (!wants_wide_) return;
   cv::setNumThreads(1);  // threads of OpenCV's own would take the cores that tracking needs
   frontend_.ExtractWideFeatures(
@@ -259,7 +267,9 @@ int FrontendRun::Run() {
   if (resume_.is_resumed) frontend_.ContinueAfter(resume_.ids);
   EndOpenSubmap(resume_, &sender_);
   last_utime_ = resume_.last_utime;
-  input_ = std::make_unique<Input>(options_, input_camera_, std::move(file_), resume_);
+  images_.LookForLost(is_live_ || !resume_.is_resumed ? "" : session_, options_.continues);
+  input_ = std::make_unique<Input>(options_, input_camera_, std::move(file_), resume_,
+                                   [this](const SourceImage& image) { images_.OnPassed(image); });
   health_.SetCounter("frames_total", input_->FramesHint());
   health_.SetCounter("live", is_live_);
   health_.SetState(is_live_ ? "ready" : "busy", is_live_ ? "waits for images on " + input_->Name() : "");
@@ -288,7 +298,10 @@ void FrontendRun::OnFrame(const FramePtr& frame) {
   }
   last_utime_ = frame->utime;
   num_unseen_ += frame->num_unseen;
+  if (num_frames_ == 1) images_.PassedAll();
   const FrameOutcome outcome = frontend_.ProcessFrame(frame);
+  // Other frames may begin a submap later.
+  if (outcome.state == FrontendState::kTracking && !outcome.keyframe) frame->original = {};
   track_ms_.push_back(1e3 * outcome.tracking_s);
   bus_.Publish(channels::kFramePose, PoseOf(session_, *frame, outcome));
   spdlog::debug("frame {}: {} {} {} inliers{}; {} features, brightness {:.0f}, sharpness {:.1f}", frame->index,
@@ -339,6 +352,7 @@ void FrontendRun::Finish() {
   health_.SetCounter("track_ms_p95", Percentile(track_ms_, 0.95));
   health_.Tick();
   DeliverAll(options_, is_live_, &sender_, &health_);
+  images_.Finish(&health_);
   Report();
 }
 

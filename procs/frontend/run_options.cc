@@ -40,7 +40,7 @@ nlohmann::json OtherChanges(RunOptions options) {
 }  // namespace
 
 bool ChangesStream(const std::string& option) {
-  return option != "deliver_timeout_s" && !option.starts_with("sender.");
+  return option != "deliver_timeout_s" && !option.starts_with("sender.") && !option.starts_with("images.");
 }
 
 std::string ToJson(const RunOptions& options) {

@@ -9,6 +9,7 @@
 #include "libs/features/orb_extractor.h"
 #include "libs/wire/stream_sender.h"
 #include "procs/frontend/frontend.h"
+#include "procs/frontend/image_options.h"
 
 namespace mapmend {
 
@@ -56,6 +57,7 @@ struct RunOptions {
   FrontendOptions frontend;
   OrbOptions orb;              // but for num_features, which is told above
   StreamSenderOptions sender;  // but for outbox_path
+  ImageOptions images;
 
   // What may change the stream first, then how it is delivered. Not visited: process, inputs, camera_path, times_path,
   // vocabulary_path, session, outbox_path, vehicle, mask_path, events_path, local_url, profile_path, mode, source,
@@ -75,10 +77,11 @@ struct RunOptions {
     v("speed", speed, Range(0.001, 1e6), "times real time");
     v("max_waiting", max_waiting, Range(1, 1000), "frames");
     v("sender", sender);
+    v("images", images);
     v("deliver_timeout_s", deliver_timeout_s, Range(0, 1e6), "s");
   }
   // Empty, or which options contradict each other.
-  std::string Conflict() const { return orb.Conflict(); }
+  std::string Conflict() const { return orb.Conflict().empty() ? images.Conflict() : orb.Conflict(); }
 };
 
 // Whether an option of RunOptions may change the stream; the others only concern its delivery.

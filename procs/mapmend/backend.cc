@@ -69,8 +69,10 @@ Backend::Backend(const BackendOptions& options)
   if (!plan.start_hub) RefuseSharedStore();
 
   const std::string db = options_.db.empty() ? options_.out + "/map.db" : options_.db;
-  StartProcess("submap_store", {FindProgram("submap_store"), "--db", db, "--vocabulary-hash", options_.vocabulary_hash},
-               OnExit::kRestart);
+  std::vector<std::string> store = {FindProgram("submap_store"), "--db", db, "--vocabulary-hash",
+                                    options_.vocabulary_hash};
+  if (!options_.images.empty()) store.insert(store.end(), {"--images", options_.images});
+  StartProcess("submap_store", store, OnExit::kRestart);
   store_started_ = Clock::now();
   WaitUntilReady("submap_store");
   if (options_.when_stored) options_.when_stored(this);

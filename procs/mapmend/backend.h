@@ -26,9 +26,10 @@ struct Interrupted : std::exception {
 };
 
 struct BackendOptions {
-  std::string out;   // folder of results; holds map.db and logs/
-  std::string db;    // the database; empty: OUT/map.db
-  std::string logs;  // folder of the log files; empty: OUT/logs
+  std::string out;     // folder of results; holds map.db and logs/
+  std::string db;      // the database; empty: OUT/map.db
+  std::string images;  // the file of its images; empty: beside the database
+  std::string logs;    // folder of the log files; empty: OUT/logs
   std::string vocabulary;
   std::string vocabulary_hash;
   std::string groundtruth;                         // empty: none

@@ -4,17 +4,20 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <stdexcept>
 
 #include "libs/base/backoff.h"
+#include "libs/base/write_file.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/process.h"
 #include "libs/wire/revision_codec.h"
 #include "libs/wire/store_client.h"
 #include "procs/mapmend/commands.h"
 #include "procs/mapmend/edge_table.h"
+#include "procs/mapmend/finish_run.h"
 #include "procs/mapmend/map_file.h"
 #include "procs/mapmend/progress.h"
 #include "procs/mapmend/run_flight.h"
@@ -30,7 +33,8 @@ struct EdgesOptions {
   MapFileOptions file;
   std::string map, channel_prefix;
   std::vector<std::string> submaps;  // the two that the edge joins; none for list
-  bool disable = false, json = false;
+  bool disable = false, json = false, show = false;
+  std::string picture;  // with show; empty: in the folder of results, or here
 };
 
 // The bus of a run that is writing into this folder now, or of a URL; empty: nothing runs.
@@ -94,6 +98,43 @@ void Print(const EdgesOptions& options, const EdgeTable& table, const std::vecto
   std::fputs((options.json ? table.Json(decisions) : table.Text(decisions)).c_str(), stdout);
 }
 
+// Where `edges show` draws to.
+std::string PicturePath(const EdgesOptions& options, const std::string& folder) {
+  if (!options.picture.empty()) return options.picture;
+  std::string name = options.submaps[0] + "-" + options.submaps[1] + ".png";
+  std::replace(name.begin(), name.end(), ':', '_');
+  std::replace(name.begin(), name.end(), '/', '_');
+  if (folder.empty()) return "edge-" + name;
+  std::filesystem::create_directories(folder + "/edges");
+  return folder + "/edges/" + name;
+}
+
+// The connection is drawn by viewer_export, which has what is needed for it, from the store behind this URL. Returns
+// what it says.
+std::string Show(const EdgesOptions& options, const EdgeTable& table, const std::string& url,
+                 const std::string& folder) {
+  const EdgeDecision edge = MakeDecision(options, table);
+  const auto name = [](const SubmapKey& key) { return key.session + ":" + std::to_string(key.submap.value); };
+  const std::string log =
+      (std::filesystem::temp_directory_path() / ("mapmend-edge-" + std::to_string(getpid()))).string();
+  std::vector<std::string> argv = {"viewer_export", "--edge",    name(edge.a),
+                                   name(edge.b),    "--picture", PicturePath(options, folder),
+                                   "--lcm-url",     url};
+  if (!options.channel_prefix.empty()) argv.insert(argv.end(), {"--channel-prefix", options.channel_prefix});
+  std::error_code ignored;
+  std::filesystem::remove(log, ignored);
+  std::string said;
+  try {
+    RunTool(argv, log, "cannot show this connection");
+    said = ReadFile(log);
+  } catch (...) {
+    std::filesystem::remove(log, ignored);
+    throw;
+  }
+  std::filesystem::remove(log, ignored);
+  return said;
+}
+
 void WorkLive(const EdgesOptions& options, const std::string& url) {
   const StderrRedirection quiet("/dev/null");
   Bus bus(url, options.channel_prefix);
@@ -105,6 +146,12 @@ void WorkLive(const EdgesOptions& options, const std::string& url) {
     return;
   }
   const std::vector<std::string> sessions = SessionOrder(&store);
+  if (options.show) {
+    const EdgeTable table(AskMerger(&bus, kHeedMs, [](const GraphReply&) { return true; }), sessions);
+    std::fputs(Show(options, table, url, options.map.find("://") == std::string::npos ? options.map : "").c_str(),
+               stdout);
+    return;
+  }
   const EdgeTable before(AskMerger(&bus, kAnswerMs, [](const GraphReply&) { return true; }), sessions);
   const std::vector<EdgeDecision> all = Decide(&store, {MakeDecision(options, before)});
   const EdgeTable after(
@@ -146,6 +193,12 @@ void WorkOnFile(EdgesOptions options) {
     MapFile map(options.file);
     const EdgeTable table = ReadTable(map.backend(), options.file.place.db);
     StoreClient store(map.backend()->bus(), "edges-" + std::to_string(getpid()));
+    if (options.show) {
+      const std::string said = Show(options, table, map.backend()->Url(), options.file.place.folder);
+      map.backend()->StopAll();
+      std::fputs(said.c_str(), stdout);
+      return;
+    }
     decisions = Decide(&store, {});
     if (!options.submaps.empty()) decision = MakeDecision(options, table);
     if (options.submaps.empty() || IsInForce(*decision, decisions)) {
@@ -191,20 +244,28 @@ void Work(const EdgesOptions& options) {
   }
 }
 
-void AddAction(CLI::App* edges, const std::string& name, const std::string& description, bool has_submaps,
-               bool disable) {
+enum class Action { kList, kDisable, kEnable, kShow };
+
+void AddAction(CLI::App* edges, const std::string& name, const std::string& description, Action action) {
   CLI::App* sub = edges->add_subcommand(name, description);
   const auto options = std::make_shared<EdgesOptions>();
-  options->disable = disable;
+  options->disable = action == Action::kDisable;
+  options->show = action == Action::kShow;
   sub->add_option("MAP", options->map,
                   "folder of results (of a run that goes on, too), a map database, or the LCM URL of a live system")
       ->required();
-  if (has_submaps) {
+  if (action != Action::kList) {
     sub->add_option("SUBMAPS", options->submaps,
                     "the two submaps, numbered as in the report, or SESSION:NUMBER with their session's name or its "
                     "beginning")
         ->required()
         ->expected(2);
+  }
+  if (options->show) {
+    sub->add_option("--out", options->picture,
+                    "the PNG file (default: edges/A-B.png in the folder of results, else ./edge-A-B.png)");
+    options->file.settings.AddFlags(sub, {"hub", "submap_store", "viewer_export"});
+  } else if (action != Action::kList) {
     sub->add_option("--seed", options->file.seed,
                     "for a file, of everything random (default: that of the flight's run)");
     sub->add_option("--groundtruth", options->file.groundtruth, "for a folder of results: TUM file for the report");
@@ -213,7 +274,7 @@ void AddAction(CLI::App* edges, const std::string& name, const std::string& desc
   sub->add_option("--vocabulary", options->file.vocabulary,
                   "for a file: the one of the flights (default: mapmend's own)");
   sub->add_option("--channel-prefix", options->channel_prefix, "of a live system");
-  sub->add_flag("--json", options->json, "the graph as JSON instead of the table");
+  if (!options->show) sub->add_flag("--json", options->json, "the graph as JSON instead of the table");
   sub->callback([options] {
     options->file.settings.Resolve();
     Work(*options);
@@ -225,10 +286,12 @@ void AddAction(CLI::App* edges, const std::string& name, const std::string& desc
 void AddEdgesCommand(CLI::App* app) {
   CLI::App* sub = app->add_subcommand("edges", "Look at the connections between submaps; switch one off, or on again");
   sub->require_subcommand(1);
-  AddAction(sub, "list", "Every pair of submaps that was compared, with strength, verdict and reason", false, false);
-  AddAction(sub, "disable", "Do not use a connection, whatever speaks for it; the merged map is made without it", true,
-            true);
-  AddAction(sub, "enable", "Take back a disable: the merger decides about the connection again", true, false);
+  AddAction(sub, "list", "Every pair of submaps that was compared, with strength, verdict and reason", Action::kList);
+  AddAction(sub, "show", "Draw the frames that say most about a connection side by side, with what was matched in them",
+            Action::kShow);
+  AddAction(sub, "disable", "Do not use a connection, whatever speaks for it; the merged map is made without it",
+            Action::kDisable);
+  AddAction(sub, "enable", "Take back a disable: the merger decides about the connection again", Action::kEnable);
   sub->footer(
       "Decisions are kept in the map database: they hold after a restart, and for flights that are added later. On a "
       "run that\n"

@@ -1,3 +1,5 @@
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <csignal>
@@ -5,11 +7,14 @@
 #include <filesystem>
 #include <memory>
 #include <stdexcept>
+#include <utility>
 
 #include "libs/base/stop_request.h"
 #include "libs/base/write_file.h"
 #include "libs/bus/process.h"
+#include "libs/images/image_sender.h"
 #include "libs/stream/session_id.h"
+#include "libs/wire/store_client.h"
 #include "procs/mapmend/backend.h"
 #include "procs/mapmend/bus_plan.h"
 #include "procs/mapmend/commands.h"
@@ -23,6 +28,9 @@
 
 namespace mapmend {
 namespace {
+
+// For a station that takes no more images.
+constexpr auto kImagePatience = std::chrono::seconds(60);
 
 // "HOST", "HOST:PORT" or an LCM URL.
 std::string StationUrl(const std::string& station) {
@@ -67,6 +75,7 @@ class Flight {
       progress_.Say((options_.live ? "the camera on " + backend.Url() : options_.inputs.front()) +
                     " to the station at " + station_url_ + "; what it has not had waits in " + options_.out);
       const bool is_delivered = Fly(&backend, older, session);
+      if (is_delivered) DeliverImages(&backend, session);
       older.EndFlight();
       while (is_delivered && older.NumWaiting() > 0) {
         progress_.Show(std::to_string(older.NumWaiting()) +
@@ -121,6 +130,46 @@ class Flight {
     std::fprintf(stderr, "mapmend: %s\n", complaint.c_str());
     exit_code_ = 1;
     return false;
+  }
+
+  // The link comes and goes: whoever has no time stops it, and the next flight goes on.
+  void DeliverImages(Backend* backend, const std::string& session) {
+    const std::string path = SpoolPathFor(options_.out + "/outbox");
+    if (!std::filesystem::exists(path)) return;
+    ImageFile spool(path, ImageFile::Mode::kReadWrite);
+    ImageSenderOptions sending;
+    sending.lcm_url = station_url_;
+    sending.channel_prefix = options_.channel_prefix;
+    sending.rate_kbit_s = options_.image_rate.value_or(DefaultImageRate(station_url_));
+    sending.sessions = {session};
+    const ImageSender sender(&spool, sending);
+    Bus bus(station_url_, options_.channel_prefix);
+    StoreClient store(&bus, "fly-" + std::to_string(getpid()));
+    auto last_progress = std::chrono::steady_clock::now();
+    size_t before = 0;
+    for (;;) {
+      // The store has all of the flight: what it does not wait for is not needed.
+      const auto status = store.AskImages(session, 1000);
+      if (status && status->num_stored + status->num_awaited + status->num_lost > 0 && status->num_awaited == 0) {
+        std::vector<KeyframeId> rest;
+        for (const ImageFile::Entry& entry : spool.List()) {
+          if (entry.session == session) rest.push_back(entry.keyframe);
+        }
+        spool.Remove(session, rest);
+        return;
+      }
+      const size_t num_left = spool.List().size();
+      if (std::exchange(before, num_left) != num_left) last_progress = std::chrono::steady_clock::now();
+      if (std::chrono::steady_clock::now() - last_progress > kImagePatience) {
+        progress_.Say(std::to_string(num_left) +
+                      " images are not delivered yet: the next `mapmend fly` with this --out goes on");
+        return;
+      }
+      const std::string state = std::to_string(num_left) + " images to deliver; Ctrl-C leaves them for later";
+      progress_.Show(state);
+      notice_.Alive(state);
+      backend->Tick(200);
+    }
   }
 
   const RunInputs inputs_;

@@ -33,6 +33,9 @@ std::vector<std::string> FrontendArguments(const RunOptions& options, const std:
   add("--image-channel", options.image_channel);
   add("--times", options.times);
   add("--mask", options.mask);
+  add("--images", options.images);
+  add_number("--image-quality", options.image_quality);
+  add_number("--image-rate", options.image_rate);
   add("--skip-frames", options.skip_frames);
   add("--vehicle", options.vehicle);
   if (options.profile) add("--profile", ProfilePath(options));

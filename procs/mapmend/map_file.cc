@@ -12,14 +12,17 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <stdexcept>
 #include <thread>
 #include <vector>
 
 #include "libs/bus/process.h"
+#include "libs/images/image_file.h"
 #include "libs/retrieval/vocabulary.h"
 #include "libs/wire/store_client.h"
 #include "procs/mapmend/finish_run.h"
+#include "procs/mapmend/image_delivery.h"
 #include "procs/mapmend/map_rescue.h"
 #include "procs/mapmend/paths.h"
 #include "procs/mapmend/run_flight.h"
@@ -65,6 +68,7 @@ MapFile::MapFile(const MapFileOptions& options) : options_(options) {
   }
   BackendOptions backend;
   backend.db = options_.place.db;
+  backend.images = ImagePathFor(options_.place.db);  // also of a copy
   backend.vocabulary = options_.vocabulary;
   backend.vocabulary_hash = Vocabulary::Read(options_.vocabulary).Hash();
   backend.groundtruth = options_.groundtruth;
@@ -196,6 +200,10 @@ std::string MapFile::Finish(const std::function<void(const std::string&)>& show)
   if (options_.with_merger) {
     for (auto& [session, last] : sessions) last = RescueSession(backend_.get(), session).value_or(last);
   }
+  std::set<std::string> names;
+  for (const auto& [session, last] : sessions) names.insert(session);
+  const std::string spool = options_.place.folder.empty() ? "" : SpoolPathFor(options_.place.folder + "/outbox");
+  ImageDelivery images(backend_.get(), spool, names);
   for (const auto& [session, last] : sessions) {
     while (!backend_->IsFinished(session, last)) {
       const auto* merger = backend_->Health("merger");
@@ -205,6 +213,7 @@ std::string MapFile::Finish(const std::function<void(const std::string&)>& show)
   }
   LauncherFigures figures;
   figures.title = title_;
+  figures.images = images.Finish([&] { backend_->Tick(50); }, show);
   figures.readout_ms = FindCounter(backend_->Health("merger"), "readout_ms");
   figures.processes = backend_->StopAll();
   figures.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

@@ -16,14 +16,15 @@ namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
-// Every channel of ours, as the regular expression lcm-logger takes.
+// Every channel of ours but that of keyframes' images, which are no part of the stream, as the regular expression
+// lcm-logger takes.
 std::string ChannelPattern(const std::string& prefix) {
   std::string pattern;
   for (const char c : prefix) {
     if (!std::isalnum(static_cast<unsigned char>(c)) && c != '_') pattern += '\\';
     pattern += c;
   }
-  return pattern + "MAPMEND_.*";
+  return pattern + "MAPMEND_(KEYFRAME|[^K].*)";
 }
 
 }  // namespace

@@ -1,9 +1,11 @@
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <memory>
 #include <stdexcept>
 #include <string>
 
 #include "libs/bus/process.h"
+#include "libs/images/image_file.h"
 #include "procs/mapmend/commands.h"
 #include "procs/mapmend/map_file.h"
 #include "procs/mapmend/map_rescue.h"
@@ -18,11 +20,12 @@ void Recover(MapFileOptions options) {
   Progress progress;
   try {
     const MapRescue rescue = RescueMap(options, true, [&](const std::string& line) { progress.Say(line); });
-    if (rescue.is_merged) {
+    const bool holds_images = std::filesystem::exists(SpoolPathFor(options.place.folder + "/outbox"));
+    if (rescue.is_merged && !holds_images) {
       progress.Say("nothing to recover: " + options.place.db + " is complete, and so is its merged map");
       return;
     }
-    options.with_merger = true;
+    options.with_merger = !rescue.is_merged;
     MapFile map(options);
     const std::string table = map.Finish([&](const std::string& text) { progress.Show(text); });
     for (const std::string& problem : map.Problems()) progress.Say(problem);

@@ -12,6 +12,7 @@
 #include "procs/mapmend/bus_plan.h"
 #include "procs/mapmend/commands.h"
 #include "procs/mapmend/finish_run.h"
+#include "procs/mapmend/image_delivery.h"
 #include "procs/mapmend/log_reader.h"
 #include "procs/mapmend/out_folder.h"
 #include "procs/mapmend/paths.h"
@@ -114,11 +115,13 @@ int Replay(ReplayOptions options) {
     }
     const BusAddressFile bus_address(options.out, backend.Url());
     SendAll(&log, options.speed, &backend, &progress);
+    ImageDelivery images(&backend, "", SessionNames(backend.bus()));  // a recording holds none
     while (!AllFinished(backend, log)) {
       progress.Show("merging");
       backend.Tick(50);
     }
     LauncherFigures figures;
+    figures.images = images.Finish([&] { backend.Tick(50); }, [&](const std::string& line) { progress.Show(line); });
     if (log.LastRecords().size() == 1) figures.session = log.LastRecords().begin()->first;
     figures.readout_ms = FindCounter(backend.Health("merger"), "readout_ms");
     figures.processes = backend.StopAll();

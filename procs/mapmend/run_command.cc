@@ -1,5 +1,7 @@
 #include <CLI/CLI.hpp>
+#include <cstdlib>
 #include <memory>
+#include <string>
 
 #include "libs/bus/bus.h"
 #include "procs/mapmend/bus_plan.h"
@@ -73,6 +75,21 @@ void AddFlightOptions(CLI::App* sub, RunOptions* options) {
   sub->add_option("--max-waiting", options->max_waiting,
                   "with --realtime or --live: frames that may wait before the oldest is dropped (default: 3)")
       ->check(CLI::Range(1, 1000));
+  sub->add_option("--images", options->images,
+                  "of keyframes, kept for the map: full, none, or a width in pixels to which larger ones are scaled "
+                  "(default: full for files, 640 of a camera)")
+      ->check([](const std::string& text) -> std::string {
+        const bool is_width = text.size() <= 5 && text.find_first_not_of("0123456789") == std::string::npos;
+        if (text == "full" || text == "none" || (is_width && std::atoi(text.c_str()) >= 16)) return "";
+        return "'" + text + "': known are full, none, and a width in pixels, 16 or more";
+      });
+  sub->add_option("--image-quality", options->image_quality,
+                  "of the JPEG of what did not come as one, 1 to 100; 0: PNG, without loss (default: 90)")
+      ->check(CLI::Range(0, 100));
+  sub->add_option(
+         "--image-rate", options->image_rate,
+         "images take at most so much of the link, kbit/s; 0: no limit (default: none on this host, else 4000)")
+      ->check(CLI::Range(0, 100000000));
   sub->add_option("--session", options->session,
                   "id of this flight in the map, a UUID (default: made from input and options; new with --append)");
 }

@@ -23,6 +23,7 @@
 #include "procs/mapmend/continue_flight.h"
 #include "procs/mapmend/finish_run.h"
 #include "procs/mapmend/frontend_arguments.h"
+#include "procs/mapmend/image_delivery.h"
 #include "procs/mapmend/lan_addresses.h"
 #include "procs/mapmend/out_folder.h"
 #include "procs/mapmend/paths.h"
@@ -305,7 +306,10 @@ int RunFlight(const RunInputs& inputs) {
       RescueAfterDeath(options, complaint, &backend);
       progress.Say(complaint + "; mapping what it has seen");
     }
+    ImageDelivery images(&backend, SpoolPathFor(options.out + "/outbox"), SessionNames(backend.bus()));
     WaitForMap(CounterOr(&frontend, "keyframes", 0), &backend, &progress, &flight_end);
+    const ImageFigures image_figures =
+        images.Finish([&] { flight_end.Tick(50); }, [&](const std::string& line) { progress.Show(line); });
     if (recorder) recorder->Finish();
     const std::string export_problem = backend.ExportProblem();
     std::string loss = export_problem;
@@ -313,6 +317,7 @@ int RunFlight(const RunInputs& inputs) {
 
     LauncherFigures figures;
     figures.session = part.session;
+    figures.images = image_figures;
     figures.title = options.title;
     AddFrontendFigures(frontend, options, &figures);
     // A frontend that was killed has not written it.

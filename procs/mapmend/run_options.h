@@ -15,6 +15,7 @@ struct RunOptions {
   std::vector<std::string> inputs;
   std::string camera;       // empty: camera.yaml beside the input
   std::string times;        // empty: times.txt beside the input if there is one, else the video's own times
+  std::string images;       // of keyframes: full, none or a width; empty: the frontend's default
   std::string mask;         // image or rectangles where no features may be; empty: none
   std::string out;          // empty: ./mapmend-<name of the input>
   std::string vocabulary;   // empty: mapmend's own
@@ -30,26 +31,27 @@ struct RunOptions {
   std::string log_level = "info";
   std::optional<int> seed, features, max_dimension;  // unset: the processes' own defaults
   std::optional<int> lost_frames,
-      relocalisation_frames;         // of the loss criterion (paper, 3.2); unset: the frontend's own
-  std::optional<int> port;           // of the live page; unset: a free one from 8080 on; 0: no page
-  std::optional<int> every;          // only each so manyth frame
-  std::optional<double> start, end;  // only frames of this time, seconds since the first frame
-  bool overwrite = false;            // replace the results of an earlier run in out
-  bool realtime = false;             // play the input at its own pace, drop what comes too fast
-  std::string source;                // with live: device, URL, pipeline or growing folder; empty: the bus
-  std::string image_channel;         // with live or a log: of the images; empty: MAPMEND_IMAGE
-  bool follow = false;               // INPUT is a growing folder: live, with that as the source
-  bool live = false;                 // images come over the bus
-  std::optional<double> speed;       // with realtime; unset: 1
-  std::optional<int> max_waiting;    // with realtime or live: frames that may wait; unset: the frontend's
-  bool profile = false;              // time of each stage of the frontend, in the summary
-  bool append = false;               // map this flight into the map that is already in out
-  bool continue_flight = false;      // go on with the flight that was cut off in out
-  bool quiet = false;                // nothing on standard output
-  bool json = false;                 // nothing but the summary as JSON on standard output
-  std::string bind;                  // address of the live page; empty: this host only
-  ExportSettings exports;            // formats, frame
-  ProcessSettings settings;          // of the processes
+      relocalisation_frames;                     // of the loss criterion (paper, 3.2); unset: the frontend's own
+  std::optional<int> port;                       // of the live page; unset: a free one from 8080 on; 0: no page
+  std::optional<int> image_quality, image_rate;  // of JPEG; kbit/s
+  std::optional<int> every;                      // only each so manyth frame
+  std::optional<double> start, end;              // only frames of this time, seconds since the first frame
+  bool overwrite = false;                        // replace the results of an earlier run in out
+  bool realtime = false;                         // play the input at its own pace, drop what comes too fast
+  std::string source;                            // with live: device, URL, pipeline or growing folder; empty: the bus
+  std::string image_channel;                     // with live or a log: of the images; empty: MAPMEND_IMAGE
+  bool follow = false;                           // INPUT is a growing folder: live, with that as the source
+  bool live = false;                             // images come over the bus
+  std::optional<double> speed;                   // with realtime; unset: 1
+  std::optional<int> max_waiting;                // with realtime or live: frames that may wait; unset: the frontend's
+  bool profile = false;                          // time of each stage of the frontend, in the summary
+  bool append = false;                           // map this flight into the map that is already in out
+  bool continue_flight = false;                  // go on with the flight that was cut off in out
+  bool quiet = false;                            // nothing on standard output
+  bool json = false;                             // nothing but the summary as JSON on standard output
+  std::string bind;                              // address of the live page; empty: this host only
+  ExportSettings exports;                        // formats, frame
+  ProcessSettings settings;                      // of the processes
 };
 
 struct RunInputs {

@@ -75,6 +75,7 @@ void CompleteSummary(const std::string& out, const LauncherFigures& figures) {
     processes.push_back({{"name", name}, {"cpu_s", usage.cpu_s}, {"peak_rss_mb", usage.peak_rss_mb}});
   }
   summary["processes"] = processes;
+  if (figures.images) summary["images"] = {{"stored", figures.images->stored}, {"missing", figures.images->missing}};
   if (figures.readout_ms) summary["readout_ms"] = *figures.readout_ms;
   if (const std::string problem = DescribeSmallMap(summary, figures.session); !problem.empty())
     summary["problem"] = problem;
@@ -113,6 +114,11 @@ std::string FormatSummaryTable(const std::string& out) {
   }
   row("keyframes", Format("%d of %d in the main map, %d points", Count(summary, "keyframes_in_main"),
                           Count(summary, "keyframes_total"), Count(summary, "points_in_main")));
+  if (const Json images = summary.value("images", Json::object()); Count(images, "stored") > 0) {
+    const int missing = Count(images, "missing");
+    row("images", Format("%d of keyframes stored", Count(images, "stored")) +
+                      (missing > 0 ? Format(", %d missing", missing) : ""));
+  }
   if (summary.contains("ate_rmse_m")) {
     row("accuracy",
         Format("%.3f m ATE RMSE against the ground truth (median %.3f, max %.3f)", Number(summary, "ate_rmse_m"),

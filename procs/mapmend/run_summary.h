@@ -9,6 +9,11 @@
 
 #include "procs/mapmend/child_process.h"
 
+// How many keyframes, without those that were culled, have their image in the map.
+struct ImageFigures {
+  int stored = 0, missing = 0;
+};
+
 // The end of a run: what only the launcher knows goes into summary.json, the report is built again, a table is printed.
 namespace mapmend {
 
@@ -22,6 +27,7 @@ struct LauncherFigures {
   int64_t frames_left_out = 0;                   // of a file, that could not be used
   std::optional<double> track_ms_median, track_ms_p95;  // of the frontend, if there was one
   std::string profile_json;                             // as the frontend wrote it; empty: none was asked for
+  std::optional<ImageFigures> images;                   // of keyframes
   std::optional<double> readout_ms;                     // of the rolling shutter that the merger found
   std::vector<std::pair<std::string, ResourceUsage>> processes;
 };
@@ -30,9 +36,9 @@ struct LauncherFigures {
 nlohmann::ordered_json ReadSummary(const std::string& out);
 
 // Adds title, wall_s, frontend {mode, frames_dropped, frames_left_out, bad_messages, untracked {}, track_ms_median,
-// track_ms_p95, profile []}, processes [], readout_ms, and problem (if the main map holds less than half of the flight,
-// as DescribeSmallMap tells it), to OUT/summary.json. Throws std::runtime_error if the file is missing or no JSON
-// object.
+// track_ms_p95, profile []}, processes [], images {stored, missing}, readout_ms, and problem (if the main map holds
+// less than half of the flight, as DescribeSmallMap tells it), to OUT/summary.json. Throws std::runtime_error if the
+// file is missing or no JSON object.
 void CompleteSummary(const std::string& out, const LauncherFigures& figures);
 
 // The table for the terminal, from OUT/summary.json. Throws as CompleteSummary does.

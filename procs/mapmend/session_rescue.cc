@@ -125,6 +125,12 @@ RescueReport RescueFolder(Backend* backend, const std::string& folder) {
   return report;
 }
 
+std::set<std::string> SessionNames(Bus* bus) {
+  std::set<std::string> names;
+  for (const StoredSession& session : ListSessions(bus)) names.insert(session.id);
+  return names;
+}
+
 std::vector<StoredSession> ListSessions(Bus* bus) {
   StoreClient client(bus, "launcher-" + std::to_string(getpid()));
   const auto reply = client.Fetch(FetchRequest{});

@@ -39,5 +39,6 @@ struct StoredSession {
   int64_t last_seq = -1;
 };
 std::vector<StoredSession> ListSessions(Bus* bus);
+std::set<std::string> SessionNames(Bus* bus);
 
 }  // namespace mapmend

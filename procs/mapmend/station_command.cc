@@ -148,6 +148,10 @@ class Station {
       }
       const bool is_whole = Land(&backend);
       LauncherFigures figures;
+      const auto* store = backend.Health("submap_store");
+      figures.images =
+          ImageFigures{static_cast<int>(CounterOr(store, "images_stored", 0)),
+                       static_cast<int>(CounterOr(store, "images_awaited", 0) + CounterOr(store, "images_lost", 0))};
       figures.readout_ms = FindCounter(backend.Health("merger"), "readout_ms");
       figures.processes = backend.StopAll();
       figures.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

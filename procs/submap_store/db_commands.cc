@@ -8,6 +8,10 @@
 #include <iostream>
 #include <memory>
 #include <stdexcept>
+#include <utility>
+
+#include "libs/images/image_file.h"
+#include "procs/submap_store/db_images.h"
 
 namespace mapmend {
 
@@ -47,16 +51,21 @@ void AddDbCommands(CLI::App* app) {
       std::cout << DbInfoJson(*path);
     } else {
       PrintDbInfo(*path);
+      std::cout << DescribeImages(*path) << "\n";
     }
   });
   info->add_flag("--json", *json, "as JSON");
   add("check", "Read everything in a database and say what is wrong with it", [path] {
-    const std::vector<std::string> problems = CheckDb(*path);
+    std::vector<std::string> problems = CheckDb(*path);
+    for (std::string& problem : CheckImages(*path)) problems.push_back(std::move(problem));
     for (const std::string& problem : problems) std::cout << problem << "\n";
     if (problems.empty()) std::cout << *path << ": ok\n";
     if (!problems.empty()) throw CLI::RuntimeError(1);
   });
-  add("compact", "Rewrite a database without unused space, in the newest schema", [path] { CompactDb(*path); });
+  add("compact", "Rewrite a database without unused space, in the newest schema", [path] {
+    CompactDb(*path);
+    CompactImages(*path);
+  });
   add("forget", "Forget the merged map, not the flights: `mapmend merge` makes it anew",
       [path] { ForgetMergedMap(*path); });
   add("hash", "Print a digest of the stream and of the merged map", [path] {
@@ -86,7 +95,11 @@ void AddDbCommands(CLI::App* app) {
   merge->add_option("--out", *out, "the new database file")->required();
   merge->callback([inputs, out] {
     for (std::string& input : *inputs) input = DatabaseIn(input);
+    if (std::filesystem::exists(ImagePathFor(*out)))
+      throw std::runtime_error(ImagePathFor(*out) + ": exists already; name a new file with --out");
     MergeDbs(*inputs, *out);
+    if (const int num_images = MergeImages(*inputs, *out); num_images > 0)
+      std::cout << ImagePathFor(*out) << ": " << num_images << " images\n";
   });
 }
 

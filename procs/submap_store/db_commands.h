@@ -22,7 +22,7 @@ std::string DatabaseIn(const std::string& path);
 void PrintDbInfo(const std::string& path);
 // The same but for the sizes of tables, as a JSON object: schema, vocabulary, sessions [{session, vehicle, source,
 // records, ended, submaps [{submap, keyframes, points, frames, end_reason, end_detail}], gaps [{first, last,
-// reason}]}], merged {revision, submaps, components, connections_accepted} or null.
+// reason}]}], images {stored, missing, bytes}, merged {revision, submaps, components, connections_accepted} or null.
 std::string DbInfoJson(const std::string& path);
 
 // Reads everything and says what is wrong, one line each. Empty: the file is sound. Every bit that can change what the

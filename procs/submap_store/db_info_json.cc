@@ -2,6 +2,7 @@
 
 #include "procs/submap_store/database.h"
 #include "procs/submap_store/db_commands.h"
+#include "procs/submap_store/db_images.h"
 #include "procs/submap_store/revision_store.h"
 #include "procs/submap_store/schema.h"
 
@@ -39,12 +40,14 @@ Json Describe(Database* database, const SessionRow& session) {
 }  // namespace
 
 std::string DbInfoJson(const std::string& path) {
+  const ImageTotals images = CountImages(path);  // before the file is opened here
   Database database(path, Database::Mode::kReadOnly);
   Json json = {{"file", path}, {"schema", kSchemaVersion}, {"vocabulary", ""}, {"sessions", Json::array()}};
   for (const SessionRow& session : database.Sessions()) {
     json["vocabulary"] = session.vocabulary_hash;
     json["sessions"].push_back(Describe(&database, session));
   }
+  json["images"] = {{"stored", images.stored}, {"missing", images.missing}, {"bytes", images.bytes}};
   json["merged"] = nullptr;
   const int64_t newest = RevisionStore(&database).NewestComplete();
   if (newest >= 0) {

@@ -11,7 +11,9 @@
 #include "libs/bus/process.h"
 #include "libs/command_line/command_line.h"
 #include "libs/command_line/option_flags.h"
+#include "libs/images/image_file.h"
 #include "procs/submap_store/db_commands.h"
+#include "procs/submap_store/image_store.h"
 #include "procs/submap_store/store_adapter.h"
 
 namespace mapmend {
@@ -25,18 +27,38 @@ std::unique_ptr<SubmapStore> Open(const SubmapStoreOptions& options) {
   }
 }
 
+// Images follow the keyframes that are committed.
+std::unique_ptr<ImageStore> OpenImages(const ImageStoreOptions& options, SubmapStore* store) {
+  std::vector<ImageStore::Keyframe> keyframes;
+  for (auto& [session, keyframe, frame] : store->Keyframes()) keyframes.push_back({session, keyframe, frame});
+  auto images = std::make_unique<ImageStore>(options, std::move(keyframes));
+  store->SetListener([images = images.get()](const Record& record) {
+    const std::string& session = record.header.session;
+    if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body)) {
+      images->Add({session, keyframe->keyframe, keyframe->frame});
+    } else if (const auto* update = std::get_if<MapUpdate>(&record.body)) {
+      for (const KeyframeId removed : update->removed_keyframes) images->Remove(session, removed);
+    }
+  });
+  return images;
+}
+
 int Main(int argc, char** argv) {
   CLI::App app("Stores the stream of records durably in one SQLite file and answers bag-of-words queries over it.",
                "submap_store");
   const bool is_tool = ProgramName("submap_store", argc, argv) != "submap_store";  // `mapmend db`: no store is to run
   ProcessOptions process;
   SubmapStoreOptions options;
+  std::string images_path;
   if (is_tool) {
     app.description("Looks into map databases and works on them");
     app.require_subcommand(1);
   } else {
     AddProcessOptions(&app, &process);
     app.add_option("--db", options.path, "database file, made if it does not exist");
+    app.add_option(
+        "--images", images_path,
+        "file for the images of keyframes (default: images.db beside map.db, NAME.images.db beside another)");
     app.add_option("--vocabulary-hash", options.vocabulary_hash, "accept only sessions of this vocabulary");
     app.add_flag("--recording", options.log.is_recording,
                  "the stream is played by lcm-logplayer, which cannot answer: give up what is missing after 2 s");
@@ -52,10 +74,13 @@ int Main(int argc, char** argv) {
   RequireGoodOptions(OptionList::Of(options));
   InstallSignalHandlers();
   auto store = Open(options);  // first: who cannot store must not be heard
-  Bus bus(ResolveLcmUrl(process.lcm_url), process.channel_prefix);
+  const std::string url = ResolveLcmUrl(process.lcm_url);
+  if (images_path.empty()) images_path = ImagePathFor(options.path);
+  Bus bus(url, process.channel_prefix);
   try {
     for (;;) {
-      StoreAdapter adapter(&bus, store.get());
+      const auto images = OpenImages({images_path, url, process.channel_prefix}, store.get());
+      StoreAdapter adapter(&bus, store.get(), images.get());
       spdlog::info("submap_store: {} with {} keyframes", options.path, store->GetStatus(0).keyframes);
       while (!StopRequested() && !store->MustReload()) adapter.Spin(10);
       store->CheckPlace();

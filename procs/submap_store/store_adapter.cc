@@ -8,6 +8,7 @@
 #include "libs/bus/channels.h"
 #include "libs/wire/query_codec.h"
 #include "libs/wire/stream_codec.h"
+#include "procs/submap_store/image_store.h"
 
 namespace mapmend {
 namespace {
@@ -23,8 +24,8 @@ int64_t SteadyMs() {
 
 }  // namespace
 
-StoreAdapter::StoreAdapter(Bus* bus, SubmapStore* store)
-    : bus_(bus), store_(store), health_(bus, "submap_store"), incarnation_(std::random_device{}()) {
+StoreAdapter::StoreAdapter(Bus* bus, SubmapStore* store, const ImageStore* images)
+    : bus_(bus), store_(store), images_(images), health_(bus, "submap_store"), incarnation_(std::random_device{}()) {
   TellIncarnation();
   for (const char* channel : kRecordChannels) {
     subscriptions_.push_back(
@@ -127,6 +128,12 @@ void StoreAdapter::ReportHealth(int64_t now_ms) {
   health_.SetCounter("open_sessions", status.open_sessions);
   health_.SetCounter("silent_sessions", status.silent_sessions);
   health_.SetCounter("index_mb", static_cast<double>(status.bytes_in_memory) / (1 << 20));
+  if (images_ != nullptr) {
+    const ImageStore::Counts images = images_->GetCounts();
+    health_.SetCounter("images_stored", images.stored);
+    health_.SetCounter("images_awaited", images.awaited);
+    health_.SetCounter("images_lost", images.lost);
+  }
   last_records_ = status.records;
   health_.SetState(status.error.empty() ? "ready" : "error", status.error);
   health_.Tick();

@@ -10,11 +10,14 @@
 
 namespace mapmend {
 
+class ImageStore;
+
 // Connects a SubmapStore to the bus: records, heartbeats and requests in; acknowledgements (at once after a commit and
 // at 20 Hz), replies and health out.
 class StoreAdapter {
  public:
-  StoreAdapter(Bus* bus, SubmapStore* store);
+  // images: told in the health; may be null.
+  StoreAdapter(Bus* bus, SubmapStore* store, const ImageStore* images = nullptr);
 
   // Handles what has come within timeout_ms. Call in a loop.
   void Spin(int timeout_ms);
@@ -27,6 +30,7 @@ class StoreAdapter {
 
   Bus* bus_;
   SubmapStore* store_;
+  const ImageStore* images_;
   HealthReporter health_;
   RequestQueue requests_;
   int64_t last_ack_ms_ = 0, last_health_ms_ = 0, last_records_ = 0;

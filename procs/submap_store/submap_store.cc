@@ -262,8 +262,10 @@ void SubmapStore::AfterCommit(SessionState* state) {
       search_.StartSubmap(state->row, start->submap, seq);
     } else if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body)) {
       search_.AddKeyframe(state->row, keyframe->submap, keyframe->keyframe, seq, keyframe->bow);
+      if (on_keyframes_) on_keyframes_(record);
     } else if (const auto* update = std::get_if<MapUpdate>(&record.body)) {
       for (const KeyframeId id : update->removed_keyframes) search_.RemoveKeyframe(state->row, id, seq);
+      if (on_keyframes_ && !update->removed_keyframes.empty()) on_keyframes_(record);
     } else if (const auto* end = std::get_if<SubmapEnded>(&record.body)) {
       search_.EndSubmap(state->row, end->submap, seq);
       Submap& submap = state->log.model()->submaps.at(end->submap);
@@ -323,6 +325,17 @@ bool SubmapStore::WorkInBackground() {
   search_.FinishSubmap(writer.session(), writer.submap().id);
   geometry_.pop_front();
   return !geometry_.empty();
+}
+
+std::vector<std::tuple<std::string, KeyframeId, int>> SubmapStore::Keyframes() {
+  std::vector<std::tuple<std::string, KeyframeId, int>> keyframes;
+  auto rows = database_.Prepare(
+      "SELECT uuid, keyframe, frame FROM keyframe JOIN session ON id = session WHERE removed_seq IS NULL");
+  while (rows->executeStep()) {
+    keyframes.emplace_back(rows->getColumn(0).getString(), KeyframeId(rows->getColumn(1).getInt()),
+                           rows->getColumn(2).getInt());
+  }
+  return keyframes;
 }
 
 std::vector<StreamAck> SubmapStore::Acks(int64_t now_ms) const {

@@ -1,10 +1,14 @@
 #pragma once
 
 #include <deque>
+#include <functional>
 #include <map>
 #include <memory>
 #include <set>
 #include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
 
 #include "libs/base/range.h"
 #include "procs/submap_store/bow_search.h"
@@ -61,6 +65,12 @@ class SubmapStore {
   std::vector<StreamAck> Acks(int64_t now_ms) const;
   StreamAck Ack(const std::string& session) const;
 
+  // Called after the commit of a record that adds or removes keyframes.
+  using OnKeyframes = std::function<void(const Record& record)>;
+  void SetListener(OnKeyframes listener) { on_keyframes_ = std::move(listener); }
+  // Keyframes that were not culled, with their frames.
+  std::vector<std::tuple<std::string, KeyframeId, int>> Keyframes();
+
   // Requests.
   BowAnswer Query(const BowQuery& query) { return search_.Query(query); }
   FetchAnswer Fetch(const FetchRequest& request);
@@ -106,6 +116,7 @@ class SubmapStore {
   std::deque<GeometryWriter> geometry_;  // submaps that have ended
   std::string vocabulary_hash_, error_;
   std::set<std::pair<std::string, int64_t>> told_damaged_;
+  OnKeyframes on_keyframes_;
   int64_t retry_at_ms_ = 0;
   bool must_reload_ = false;
   int64_t num_records_ = 0, num_duplicates_ = 0, num_refused_ = 0, num_gaps_ = 0;

@@ -11,6 +11,7 @@
 #include "libs/base/write_file.h"
 #include "libs/formats/map_formats.h"
 #include "procs/viewer_export/colmap_export.h"
+#include "procs/viewer_export/edge_export.h"
 #include "procs/viewer_export/graph_export.h"
 #include "procs/viewer_export/level_frame.h"
 #include "procs/viewer_export/placed_map_export.h"
@@ -118,14 +119,6 @@ std::vector<std::string> FormatsToWrite(const std::vector<std::string>& asked, c
   return formats;
 }
 
-void ExportColmap(const Snapshot& snapshot, const fs::path& dir) {
-  MakeDirectory(dir);
-  const ColmapModel model = MakeColmapModel(snapshot, 0);
-  WriteFile((dir / "cameras.txt").string(), model.cameras);
-  WriteFile((dir / "images.txt").string(), model.images);
-  WriteFile((dir / "points3D.txt").string(), model.points);
-}
-
 // The files that others rely on, for a flight in which tracking never started.
 void ExportNothing(const fs::path& dir) {
   for (const char* file : {"frames.tum", "keyframes.tum"})
@@ -179,7 +172,13 @@ std::vector<std::string> ExportAll(const MapModel& model, const GroundTruth* gro
   EvaluatedMap evaluated;
   evaluated.ground_truth = ground_truth;
   if (ground_truth != nullptr) evaluated.evaluation = EvaluateMap(snapshot, *ground_truth);
-  attempt([&] { snapshot.components.empty() ? ExportNothing(dir) : ExportColmap(snapshot, dir / "colmap"); });
+  attempt([&] {
+    if (snapshot.components.empty()) {
+      ExportNothing(dir);
+    } else {
+      ExportColmap(snapshot, 0, options.pictures.image, (dir / "colmap").string());
+    }
+  });
   std::vector<int> others;
   for (int c = 0; c < static_cast<int>(snapshot.components.size()); ++c) {
     const fs::path folder = c == 0 ? dir : dir / "components" / std::to_string(c);
@@ -189,6 +188,7 @@ std::vector<std::string> ExportAll(const MapModel& model, const GroundTruth* gro
   }
   RemoveStale(dir / "components", others);
   attempt([&] { ExportSubmaps(snapshot, dir / "submaps"); });
+  attempt([&] { ExportEdgePictures(snapshot, options.pictures, (dir / "edges").string()); });
   attempt([&] { WriteFile((dir / "graph.dot").string(), MakeGraphDot(snapshot)); });
   attempt([&] { WriteFile((dir / "graph.svg").string(), MakeGraphSvg(snapshot)); });
   attempt([&] {
@@ -208,7 +208,8 @@ void RebuildReport(const std::string& dir_name) {
        folder = dir / "components" / std::to_string(pictures.size())) {
     pictures.push_back(ReadFile((folder / "trajectory.svg").string()));
   }
-  WriteFile((dir / "report.html").string(), MakeReport(summary, ReadFile((dir / "graph.svg").string()), pictures));
+  WriteFile((dir / "report.html").string(), MakeReport(summary, ReadFile((dir / "graph.svg").string()), pictures,
+                                                       ReadEdgePictures((dir / "edges").string())));
 }
 
 }  // namespace mapmend

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "procs/viewer_export/image_source.h"
 #include "procs/viewer_export/map_evaluation.h"
 #include "procs/viewer_export/snapshot.h"
 
@@ -13,6 +14,7 @@ void PrepareDirectory(const std::string& dir);
 
 struct ExportOptions {
   std::string frame = "map";         // one of FrameNames
+  PictureSource pictures;            // images and descriptors; may be empty
   std::vector<std::string> formats;  // beside those that are always written (libs/formats/map_formats.h)
 };
 

@@ -9,6 +9,7 @@
 #include "libs/command_line/option_flags.h"
 #include "libs/formats/map_formats.h"
 #include "libs/geometry/read_trajectory.h"
+#include "procs/viewer_export/edge_tool.h"
 #include "procs/viewer_export/exporter.h"
 #include "procs/viewer_export/live_server.h"
 #include "procs/viewer_export/viewer.h"
@@ -25,6 +26,8 @@ int Main(int argc, char** argv) {
   std::vector<std::string> formats;
   double time_offset_s = 0, time_tolerance_s = 0;
   std::string ground_truth, times, report, bind = "127.0.0.1";
+  std::string picture = "edge.png";
+  std::vector<std::string> edge;
   int port = 0;
   AddProcessOptions(&app, &process);
   app.add_option("--out", options.out, "Directory for the exports (default: none are written)");
@@ -45,11 +48,21 @@ int Main(int argc, char** argv) {
   app.add_option("--report", report,
                  "Only make DIR/report.html again from DIR/summary.json and the pictures in DIR, then exit")
       ->type_name("DIR");
+  auto* edge_option =
+      app.add_option("--edge", edge, "Only draw the connection of two submaps, SESSION:NUMBER each, as --picture")
+          ->expected(2);
+  app.add_option("--picture", picture, "with --edge: the PNG file")->needs(edge_option);
   AddOptionFlags(&app, "viewer_export", &options);
   if (const auto code = ParseCommandLine(&app, argc, argv)) return *code;
   ApplyLogLevel(process);
   if (!report.empty()) {
     RebuildReport(report);
+    return 0;
+  }
+  if (!edge.empty()) {
+    InstallSignalHandlers();
+    Bus bus(ResolveLcmUrl(process.lcm_url), process.channel_prefix);
+    ShowEdge(&bus, ParseSubmapKey(edge[0]), ParseSubmapKey(edge[1]), picture);
     return 0;
   }
   if (tolerance->count() > 0) options.evaluation.tolerance_us = std::llround(time_tolerance_s * 1e6);

@@ -304,6 +304,36 @@ std::string ConnectionTable(const Json& s) {
   return html;
 }
 
+std::string Base64(const std::string& bytes) {
+  static const char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  for (size_t i = 0; i < bytes.size(); i += 3) {
+    uint32_t group = 0;
+    for (size_t k = 0; k < 3; ++k) group = group << 8 | (i + k < bytes.size() ? static_cast<uint8_t>(bytes[i + k]) : 0);
+    for (size_t k = 0; k < 4; ++k) text += i + k > bytes.size() ? '=' : kDigits[group >> (18 - 6 * k) & 63];
+  }
+  return text;
+}
+
+// What joined the submaps, for one who wants to see it.
+std::string EdgePictures(const Json& s, const std::map<std::pair<int, int>, std::string>& pictures) {
+  std::string html;
+  for (const Json& c : s["connections"]) {
+    const std::pair<int, int> numbers = std::minmax(c["a"].get<int>(), c["b"].get<int>());
+    const auto picture = pictures.find(numbers);
+    if (picture == pictures.end() || !c["in_tree"].get<bool>()) continue;
+    html += "<figure class=\"edge\"><img alt=\"connection of submaps " + std::to_string(numbers.first) + " and " +
+            std::to_string(numbers.second) + "\" src=\"data:image/jpeg;base64," + Base64(picture->second) +
+            "\"><figcaption>" + Chip(c["a"]) + "–" + Chip(c["b"]) + " " + Escaped(c["reason"]) +
+            "</figcaption></figure>\n";
+  }
+  if (html.empty()) return "";
+  return "<h2>What joined the submaps</h2>\n<p class=\"note\">The connected frames of each connection in the tree that "
+         "have most in common, and the map points of each that were found in the other. Of other pairs: "
+         "<code>mapmend edges show</code>.</p>\n" +
+         html;
+}
+
 std::string LoopTable(const Json& s) {
   if (!s.contains("loops") || s["loops"].empty()) return "";
   std::string html =
@@ -367,7 +397,8 @@ std::string Head(const Json& s) {
 }  // namespace
 
 std::string MakeReport(const std::string& summary_json, const std::string& graph_svg,
-                       const std::vector<std::string>& trajectory_svgs) {
+                       const std::vector<std::string>& trajectory_svgs,
+                       const std::map<std::pair<int, int>, std::string>& edge_pictures) {
   try {
     const Json s = Json::parse(summary_json);
     std::string html =
@@ -379,7 +410,8 @@ std::string MakeReport(const std::string& summary_json, const std::string& graph
     for (const std::string& svg : trajectory_svgs) html += "<div class=\"picture\">" + svg + "</div>\n";
     html += WhyApart(s);
     html += "<div class=\"picture\">" + graph_svg + "</div>\n";
-    html += RestorationRows(s) + ConnectionTable(s) + LoopTable(s) + SubmapTable(s) + ProcessTable(s) + ProfileTable(s);
+    html += RestorationRows(s) + ConnectionTable(s) + EdgePictures(s, edge_pictures) + LoopTable(s) + SubmapTable(s) +
+            ProcessTable(s) + ProfileTable(s);
     html += "<footer>Written by mapmend " + Escaped(s["version"]) +
             ". The figures are in summary.json beside this page.</footer>\n";
     return html + "</main></body></html>\n";

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace mapmend {
@@ -9,9 +11,11 @@ namespace mapmend {
 // map whole, where did it break, and why were two submaps joined or not?
 //   summary_json     text of summary.json; keys that the launcher adds (wall_s, frontend, processes) are shown if there
 //   graph_svg        text of graph.svg
+//   edge_pictures    JPEG of connections, by the numbers of their two submaps
 //   trajectory_svgs  text of trajectory.svg, then of components/1/trajectory.svg, ...
 // Throws std::runtime_error with one line if the summary is not readable as one.
 std::string MakeReport(const std::string& summary_json, const std::string& graph_svg,
-                       const std::vector<std::string>& trajectory_svgs);
+                       const std::vector<std::string>& trajectory_svgs,
+                       const std::map<std::pair<int, int>, std::string>& edge_pictures = {});
 
 }  // namespace mapmend

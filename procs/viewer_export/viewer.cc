@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "libs/bus/bus.h"
@@ -18,6 +20,7 @@
 #include "procs/viewer_export/exporter.h"
 #include "procs/viewer_export/live_server.h"
 #include "procs/viewer_export/live_state.h"
+#include "procs/viewer_export/picture_store.h"
 #include "procs/viewer_export/restoration.h"
 #include "procs/viewer_export/snapshot.h"
 
@@ -35,6 +38,9 @@ constexpr auto kAskInterval = std::chrono::seconds(1);
 constexpr auto kLiveInterval = std::chrono::milliseconds(500);
 // The stacks of the merging process likewise.
 constexpr auto kStacksInterval = std::chrono::seconds(1);
+// How often the store is asked whether more images have come, and how long images that do not come are waited for.
+constexpr auto kImagesInterval = std::chrono::milliseconds(500);
+constexpr auto kImagesPatience = std::chrono::seconds(4), kLatePatience = std::chrono::seconds(60);
 
 }  // namespace
 
@@ -52,6 +58,8 @@ struct Viewer::Impl {
   void Subscribe();
   void OnRecord(const Record& record);
   void FetchRevision();
+  void AskImages();
+  bool MayExport();
   void ExportIfComplete();
   void CountForHealth();
   void UpdateLivePage();
@@ -68,10 +76,13 @@ struct Viewer::Impl {
   std::unique_ptr<LiveServer> server;
   LiveInputs live;
   int64_t num_bad_records = 0;
-  int64_t announced = -1;         // newest revision that the merger spoke of
-  int64_t fetched = -1;           // newest revision read from the store
-  int64_t exported_version = -1;  // of the model, when it was last exported
-  Clock::time_point next_ask, next_live, next_stacks;
+  int64_t announced = -1;             // newest revision that the merger spoke of
+  int64_t fetched = -1;               // newest revision read from the store
+  int64_t exported_version = -1;      // of the model, when it was last exported
+  std::optional<ImageStatus> images;  // as of the last answer; none before it
+  int exported_images = -1;           // that were stored when the map was last exported
+  Clock::time_point images_changed_at;
+  Clock::time_point next_ask, next_live, next_stacks, next_images;
   std::string stacks;
   int64_t stacks_version = -1;  // of the model, when they were worked out
   std::vector<Subscription> subscriptions;
@@ -120,17 +131,48 @@ void Viewer::Impl::FetchRevision() {
   fetched = stored.number;
 }
 
+// Once the map is final, and now and then afterwards: images may come later than all else.
+void Viewer::Impl::AskImages() {
+  if (options.out.empty() || Clock::now() < next_images) return;
+  next_images = Clock::now() + kImagesInterval;
+  auto status = store.AskImages("", kFetchTimeoutMs);
+  if (!status) return;
+  const bool is_new = !images || images->num_stored != status->num_stored || images->num_awaited != status->num_awaited;
+  if (is_new) images_changed_at = Clock::now();
+  images = std::move(status);
+}
+
+// Images are worth a little patience, as long as they come.
+bool Viewer::Impl::MayExport() {
+  AskImages();
+  // What was exported without them is not exported for each of them.
+  const auto patience = exported_version == model.Version() ? kLatePatience : kImagesPatience;
+  const bool is_awaited = images && images->num_awaited > 0 && Clock::now() - images_changed_at < patience;
+  const int stored = images ? images->num_stored : 0;
+  if (exported_version == model.Version() && exported_images == stored) return false;
+  if (is_awaited && exported_version == model.Version()) return false;
+  if (is_awaited) {
+    health.SetState("busy", "waits for " + std::to_string(images->num_awaited) + " images");
+    return false;
+  }
+  exported_version = model.Version();
+  exported_images = stored;
+  return true;
+}
+
 void Viewer::Impl::ExportIfComplete() {
   // A final revision counts once it has been read with its parts, not when only its transforms were announced.
   if (!model.IsComplete() || model.Revision().transforms.revision > fetched) {
     health.SetState(model.SessionOrder().empty() ? "ready" : "busy", Stacks());
     return;
   }
-  if (exported_version == model.Version()) return;
-  exported_version = model.Version();
+  if (!MayExport()) return;
   if (!options.out.empty()) {
     const auto start = Clock::now();
-    const std::vector<std::string> problems = ExportAll(model, TruthOrNull(), options.out, options.exports);
+    ExportOptions exports = options.exports;
+    exports.pictures = PicturesOf(&store, [this] { health.Tick(); });
+    const std::vector<std::string> problems = ExportAll(model, TruthOrNull(), options.out, exports);
+    health.SetCounter("images", exported_images);
     for (const std::string& problem : problems) spdlog::error("viewer_export: {}", problem);
     health.SetCounter("exports_failed", static_cast<double>(problems.size()));
     if (!problems.empty()) {

@@ -77,6 +77,26 @@ TEST_F(Edges, OffAndOnAgainOnTheResultsOfARun) {
   EXPECT_EQ(Hash(out + "/map.db"), before);
 }
 
+TEST_F(Edges, AreShownAsPictures) {
+  const std::string out = Copy("shown");
+  const CommandResult shown = Call({"edges", "show", out, "0", "1"});
+  ASSERT_EQ(shown.exit_code, 0) << shown.output;
+  EXPECT_TRUE(Contains(shown, "accepted, in the tree: ")) << shown.output;
+  EXPECT_TRUE(Contains(shown, "edges/0-1.png")) << shown.output;
+  EXPECT_EQ(ReadText(out + "/edges/0-1.png").substr(1, 3), "PNG");
+  // The same again, bit for bit, under another name.
+  const std::string picture = *folder_ / "again.png";
+  ASSERT_EQ(Call({"edges", "show", out, "1", "0", "--out", picture}).exit_code, 0);
+  EXPECT_EQ(ReadText(picture), ReadText(out + "/edges/0-1.png"));
+  EXPECT_NE(ReadText(out + "/report.html").find("data:image/jpeg;base64,/9j/"), std::string::npos);
+  const CommandResult same = Call({"edges", "show", out, "0", "0"});
+  EXPECT_EQ(same.exit_code, 1);
+  EXPECT_TRUE(Contains(same, "name two different ones")) << same.output;
+  const CommandResult unknown = Call({"edges", "show", out, "0", "7"});
+  EXPECT_EQ(unknown.exit_code, 1);
+  EXPECT_TRUE(Contains(unknown, "there is no submap 7")) << unknown.output;
+}
+
 TEST_F(Edges, ABareDatabaseIsMergedAndExported) {
   const std::string db = *folder_ / "bare.db", exported = *folder_ / "exported";
   std::filesystem::copy(*folder_ / "flown/map.db", db);

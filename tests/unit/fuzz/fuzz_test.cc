@@ -6,6 +6,7 @@
 #include "libs/bus/bus.h"
 #include "libs/bus/health.h"
 #include "libs/wire/codec.h"
+#include "libs/wire/image_codec.h"
 #include "libs/wire/query_codec.h"
 #include "libs/wire/revision_codec.h"
 #include "libs/wire/stream_codec.h"
@@ -109,6 +110,21 @@ TEST(Fuzz, WhatIsSaidBesideTheStreamIsValidOrRefusedWithAReason) {
   health.cursors["s"] = 7;
   health.counters["connections"] = 3;
   FuzzCodec(health);
+}
+
+TEST(Fuzz, ImagesAreValidOrRefusedWithAReason) {
+  KeyframeImage image;
+  image.session = "s";
+  image.keyframe = KeyframeId(4);
+  image.frame = 12;
+  image.width = 800;
+  image.height = 600;
+  image.encoding = "jpeg";
+  image.bytes = {1, 2, 3, 4, 5};
+  FuzzCodec(ImagePiece{image, 9, 77, 2});
+  FuzzCodec(ImageAnswer{{1, "viewer"}, ImageAnswer::Status::kOk, image});
+  FuzzCodec(ImageRequest{"s", {{KeyframeId(4), 12, 0}, {KeyframeId(3), 9, 5}}, {KeyframeId(1)}});
+  FuzzCodec(ImageStatus{{1, "viewer"}, "s", 3, 1, 0, {{KeyframeId(4), 12}}});
 }
 
 TEST(Fuzz, RecordsAreValidOrRefusedWithAReason) {

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "procs/viewer_export/image_source.h"
+#include "procs/viewer_export/snapshot.h"
+
+namespace mapmend {
+
+struct ConnectionPictureOptions {
+  int height = 720;              // of each image, pixels
+  std::string encoding = "png";  // or "jpeg"
+};
+
+// The two keyframes that say most about a connection, side by side, with what was matched in them: green, of an
+// accepted connection, what fits it; orange, of a rejected one, what looked alike. Where an image is missing, its
+// features alone. Empty if there is nothing to show.
+std::vector<uint8_t> DrawConnection(const Snapshot& snapshot, const EvaluatedConnection& connection,
+                                    const PictureSource& source, const ConnectionPictureOptions& options = {});
+
+}  // namespace mapmend

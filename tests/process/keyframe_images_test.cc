@@ -1,0 +1,151 @@
+// The images of keyframes: all of them are there at the end, whoever is killed meanwhile, and the map does not depend
+// on them.
+
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "libs/images/image_file.h"
+#include "tests/process/command_helper.h"
+
+namespace mapmend {
+namespace {
+
+namespace fs = std::filesystem;
+const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
+const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
+
+// The end of the first flight and the beginning of the second, which crosses it: two submaps.
+std::vector<std::string> RunArguments(const std::string& out, const std::vector<std::string>& more = {}) {
+  std::vector<std::string> argv = {kProgram,
+                                   "run",
+                                   kFlight + "video.mp4",
+                                   "--skip-frames",
+                                   "0-39,74-83,131-171",
+                                   "--session",
+                                   "7a0f3c52-61d4-4d0b-8f0e-0c9be5a4e102",
+                                   "--seed",
+                                   "1",
+                                   "--port",
+                                   "0",
+                                   "--out",
+                                   out};
+  argv.insert(argv.end(), more.begin(), more.end());
+  return argv;
+}
+
+CommandResult Call(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), kProgram);
+  return RunCommand(arguments, 240);
+}
+
+nlohmann::json Info(const std::string& out) {
+  return nlohmann::json::parse(Call({"db", "info", "--json", out}).output);
+}
+nlohmann::json Summary(const std::string& out) { return nlohmann::json::parse(ReadText(out + "/summary.json")); }
+
+std::map<int, std::vector<uint8_t>> Images(const std::string& out) {
+  std::map<int, std::vector<uint8_t>> images;
+  const ImageFile file(out + "/images.db", ImageFile::Mode::kReadOnly);
+  for (const ImageFile::Entry& entry : file.List())
+    images[entry.frame] = file.Get(entry.session, entry.keyframe)->bytes;
+  return images;
+}
+
+void ExpectAllThere(const std::string& out) {
+  const nlohmann::json images = Info(out).at("images");
+  EXPECT_EQ(images.at("missing").get<int>(), 0) << images;
+  EXPECT_GT(images.at("stored").get<int>(), 20);
+  EXPECT_EQ(Summary(out).at("images").at("missing").get<int>(), 0);
+  EXPECT_EQ(Summary(out).at("images").at("stored"), images.at("stored"));
+  EXPECT_FALSE(fs::exists(out + "/outbox.images"));
+  const CommandResult check = Call({"db", "check", out});
+  EXPECT_EQ(check.exit_code, 0) << check.output;
+  // COLMAP's model has them under its names.
+  int num_pictures = 0;
+  for (const auto& entry : fs::directory_iterator(out + "/colmap/images/0"))
+    num_pictures += entry.path().extension() == ".jpg";
+  EXPECT_EQ(num_pictures, Summary(out).at("keyframes_in_main").get<int>());
+}
+
+TEST(KeyframeImages, AreAllThereThoughStoreAndHubAreKilledAndTheMapIsTheSame) {
+  const TemporaryFolder folder;
+  const CommandResult calm = RunCommand(RunArguments(folder / "calm"), 240);
+  ASSERT_EQ(calm.exit_code, 0) << calm.output;
+  ExpectAllThere(folder / "calm");
+  const std::string hash = Call({"db", "hash", folder / "calm"}).output;
+
+  // So slow that images are on their way all the time.
+  RunningCommand run(RunArguments(folder / "shaken", {"--image-rate", "8000"}), folder / "output");
+  ASSERT_TRUE(WaitUntil([&] { return fs::exists(folder / "shaken/images.db"); }, 60)) << ReadText(folder / "output");
+  for (int i = 0; i < 3; ++i) {
+    for (const std::string program : {"submap_store", "hub"}) {
+      SleepSeconds(0.3);
+      if (FindProcess(run, "frontend") > 0) KillAndAwaitReturn(run, program);
+    }
+  }
+  const auto result = run.Wait(240);
+  ASSERT_TRUE(result) << ReadText(folder / "output");
+  ASSERT_EQ(result->exit_code, 0) << result->output;
+  ExpectAllThere(folder / "shaken");
+  EXPECT_EQ(Call({"db", "hash", folder / "shaken"}).output, hash);
+  EXPECT_TRUE(Images(folder / "shaken") == Images(folder / "calm"));
+
+  // Without images the map is as good.
+  RemoveImageFile(folder / "shaken/images.db");
+  EXPECT_EQ(Call({"db", "hash", folder / "shaken"}).output, hash);
+  EXPECT_EQ(Call({"db", "check", folder / "shaken"}).exit_code, 0);
+  const CommandResult exported = Call({"export", folder / "shaken"});
+  EXPECT_EQ(exported.exit_code, 0) << exported.output;
+  EXPECT_GT(Summary(folder / "shaken").at("images").at("missing").get<int>(), 20);
+
+  // And without them kept, it is the same.
+  ASSERT_EQ(RunCommand(RunArguments(folder / "none", {"--images", "none"}), 240).exit_code, 0);
+  EXPECT_EQ(Call({"db", "hash", folder / "none"}).output, hash);
+  EXPECT_FALSE(fs::exists(folder / "none/images.db"));
+}
+
+TEST(KeyframeImages, OfAFrontendThatIsKilledAreTakenFromTheInputOnceMore) {
+  const TemporaryFolder folder;
+  RunningCommand run(RunArguments(folder / "out"), folder / "output");
+  const auto num_bytes = [&] {
+    return ReadText(folder / "out/map.db-wal").size() + ReadText(folder / "out/map.db").size();
+  };
+  for (const size_t bytes : {600000, 1200000}) {
+    ASSERT_TRUE(WaitUntil([&] { return num_bytes() > bytes || FindProcess(run, "frontend") < 0; }, 60));
+    if (FindProcess(run, "frontend") < 0) break;
+    KillAndAwaitReturn(run, "frontend");
+  }
+  const auto result = run.Wait(240);
+  ASSERT_TRUE(result) << ReadText(folder / "output");
+  ASSERT_EQ(result->exit_code, 0) << result->output;
+  const nlohmann::json images = Info(folder / "out").at("images");
+  EXPECT_EQ(images.at("missing").get<int>(), 0) << images;
+}
+
+TEST(KeyframeImages, OfAFlightThatIsCutOffAreRecovered) {
+  const TemporaryFolder folder;
+  {
+    // Next to nothing gets through before the end.
+    RunningCommand run(RunArguments(folder / "out", {"--image-rate", "10"}), folder / "output");
+    ASSERT_TRUE(WaitUntil([&] { return ReadText(folder / "out/map.db-wal").size() > 1000000; }, 60))
+        << ReadText(folder / "output");
+    run.Signal(SIGKILL);
+    run.Wait(30);
+    EXPECT_EQ(run.SurvivorsAfter(20), std::vector<pid_t>());
+  }
+  ASSERT_TRUE(fs::exists(folder / "out/outbox.images"));
+  const CommandResult recovered = Call({"recover", folder / "out"});
+  ASSERT_EQ(recovered.exit_code, 0) << recovered.output;
+  const nlohmann::json images = Info(folder / "out").at("images");
+  EXPECT_GT(images.at("stored").get<int>(), 5);
+  // Of the last keyframe the image may not have been in the spool when the power went.
+  EXPECT_LE(images.at("missing").get<int>(), 1) << images;
+  EXPECT_FALSE(fs::exists(folder / "out/outbox.images"));
+}
+
+}  // namespace
+}  // namespace mapmend
