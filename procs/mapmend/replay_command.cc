@@ -20,6 +20,7 @@
 #include "procs/mapmend/record_sender.h"
 #include "procs/mapmend/run_flight.h"
 #include "procs/mapmend/run_state.h"
+#include "procs/mapmend/session_rescue.h"
 
 namespace mapmend {
 namespace {

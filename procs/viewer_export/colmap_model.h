@@ -53,7 +53,7 @@ using ColmapPictures = std::map<std::pair<std::string, KeyframeId>, ColmapPictur
 // that are more than max_error (pixels of the picture) off are left out, as COLMAP does it with its own, and points
 // that then have less than two.
 ColmapModel MakeColmapModel(const Snapshot& snapshot, int component, const ColmapPictures& pictures,
-                            double max_error = 4);
+                            double max_error = 3);
 
 // cameras.txt, images.txt, points3D.txt; or .bin, little-endian.
 struct ColmapFiles {
