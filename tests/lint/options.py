@@ -14,6 +14,7 @@ import sys
 # What a command line says, or one part of a program tells another: files, addresses, flags, objects.
 ARGUMENTS = {
     "libs/bus/process.h": {"ProcessOptions"},
+    "libs/images/image_sender.h": {"ImageSenderOptions"},
     "procs/mapmend/backend.h": {"BackendOptions"},
     "procs/mapmend/calibrate_command.cc": {"CalibrateOptions"},
     "procs/mapmend/close_command.cc": {"CloseOptions"},
@@ -28,6 +29,8 @@ ARGUMENTS = {
     "procs/mapmend/status_command.cc": {"StatusOptions"},
     "procs/merger/merger_process.h": {"MergerProcessOptions"},
     "procs/viewer_export/exporter.h": {"ExportOptions"},
+    "procs/submap_store/image_store.h": {"ImageStoreOptions"},
+    "procs/viewer_export/connection_picture.h": {"ConnectionPictureOptions"},
     "procs/viewer_export/trajectory_picture.h": {"TrajectoryPictureOptions"},
 }
 STRUCT = re.compile(r"^(?P<indent> *)struct (?P<name>\w*Options) \{\n(?P<body>.*?)^(?P=indent)\};", re.M | re.S)

@@ -114,12 +114,12 @@ TEST(Fuzz, WhatIsSaidBesideTheStreamIsValidOrRefusedWithAReason) {
 
 TEST(Fuzz, ImagesAreValidOrRefusedWithAReason) {
   KeyframeImage image;
-  image.session = "s";
+  image.session = std::string("s");
   image.keyframe = KeyframeId(4);
   image.frame = 12;
   image.width = 800;
   image.height = 600;
-  image.encoding = "jpeg";
+  image.encoding = std::string("jpeg");
   image.bytes = {1, 2, 3, 4, 5};
   FuzzCodec(ImagePiece{image, 9, 77, 2});
   FuzzCodec(ImageAnswer{{1, "viewer"}, ImageAnswer::Status::kOk, image});

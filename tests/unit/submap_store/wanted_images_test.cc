@@ -13,11 +13,11 @@ const WantedImages::Clock::time_point kStart = WantedImages::Clock::time_point(s
 
 ImagePiece Piece(int keyframe, const std::vector<uint8_t>& whole, size_t from, size_t to) {
   ImagePiece piece;
-  piece.image.session = "s";
+  piece.image.session = std::string("s");
   piece.image.keyframe = KeyframeId(keyframe);
   piece.image.frame = 10 * keyframe;
   piece.image.width = piece.image.height = 8;
-  piece.image.encoding = "jpeg";
+  piece.image.encoding = std::string("jpeg");
   piece.image.bytes.assign(whole.begin() + static_cast<long>(from), whole.begin() + static_cast<long>(to));
   piece.size = static_cast<int>(whole.size());
   piece.crc32 = Crc32(whole.data(), whole.size());
@@ -92,7 +92,7 @@ TEST(WantedImages, WhatItsSenderDoesNotHaveIsNotAskedForAgain) {
   WantedImages wanted = Wanting(2);
   wanted.NextRequest("s", kStart);
   ImagePiece none;
-  none.image.session = "s";
+  none.image.session = std::string("s");
   none.image.keyframe = KeyframeId(1);
   none.image.frame = 10;
   wanted.Take(none, kStart);
