@@ -69,7 +69,7 @@ TEST_F(SettingsTest, AnyOptionThatMayChangeTheStreamChangesThemAndTheSession) {
     EXPECT_TRUE(all_settings.insert(ToJson(changed)).second) << option.name;
     EXPECT_TRUE(all_sessions.insert(SessionForFile(changed)).second) << option.name;
   }
-  EXPECT_EQ(unchanged, (std::set<std::string>{"sender", "deliver_timeout_s"}));
+  EXPECT_EQ(unchanged, (std::set<std::string>{"sender", "deliver_timeout_s", "images"}));
 }
 
 TEST_F(SettingsTest, AnOptionSetToItsDefaultIsNoChange) {
