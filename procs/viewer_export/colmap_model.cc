@@ -1,7 +1,9 @@
 #include "procs/viewer_export/colmap_model.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cstdio>
+#include <limits>
 #include <map>
 #include <optional>
 #include <utility>
@@ -63,6 +65,116 @@ class Cameras {
   std::map<std::array<int, 3>, int> numbers_;
 };
 
+// A picture as COLMAP's camera projects into it. Without a model of COLMAP's for the lens, pictures are undistorted
+// ones.
+class View {
+ public:
+  View(const ImagePixels& pixels, const Rigid3& cam_from_world)
+      : pixels_(pixels),
+        ideal_(pixels.GetCamera().Ideal()),
+        is_distorted_(ToColmapCamera(pixels.GetCamera()).has_value()),
+        cam_from_world_(cam_from_world) {}
+
+  Eigen::Vector2d Project(const Eigen::Vector3d& in_camera) const {
+    return is_distorted_ ? pixels_.FromCamera(in_camera) : ideal_.Project(in_camera);
+  }
+  // nullopt behind the camera.
+  std::optional<Eigen::Vector2d> ProjectPoint(const Eigen::Vector3d& in_world) const {
+    const Eigen::Vector3d in_camera = cam_from_world_ * in_world;
+    return in_camera.z() > 0 ? std::optional(Project(in_camera)) : std::nullopt;
+  }
+  double Depth(const Eigen::Vector3d& in_world) const { return (cam_from_world_ * in_world).z(); }
+
+ private:
+  ImagePixels pixels_;
+  Pinhole ideal_;
+  bool is_distorted_;
+  Rigid3 cam_from_world_;
+};
+
+// What a point's observations say of it.
+class PointFit {
+ public:
+  PointFit(const ColmapModel& model, const std::vector<View>& views, const ColmapModel::Point& point) {
+    for (const auto& [image, feature] : point.track) {
+      const auto i = static_cast<size_t>(image) - 1;
+      const ColmapModel::Feature& f = model.images[i].features[static_cast<size_t>(feature)];
+      seen_.push_back({&views[i], {f.x - 0.5, f.y - 0.5}});
+    }
+  }
+
+  // Where all observations, taken alike as COLMAP takes them, are met best; the cameras stay.
+  Eigen::Vector3d Refine(Eigen::Vector3d position) const {
+    constexpr int kMaxSteps = 5;
+    double cost = Cost(position);
+    for (int step = 0; step < kMaxSteps; ++step) {
+      Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
+      Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+      for (const auto& [view, pixel] : seen_) {
+        const auto projected = view->ProjectPoint(position);
+        if (!projected) return position;
+        const double h = 1e-6 * view->Depth(position);
+        Eigen::Matrix<double, 2, 3> jacobian;
+        for (int k = 0; k < 3; ++k) {
+          const auto moved = view->ProjectPoint(position + h * Eigen::Vector3d::Unit(k));
+          if (!moved) return position;
+          jacobian.col(k) = (*moved - *projected) / h;
+        }
+        hessian += jacobian.transpose() * jacobian;
+        gradient += jacobian.transpose() * (*projected - pixel);
+      }
+      const Eigen::Vector3d next = position - hessian.ldlt().solve(gradient);
+      const double next_cost = next.allFinite() ? Cost(next) : cost;
+      if (!(next_cost < cost)) break;
+      position = next;
+      cost = next_cost;
+    }
+    return position;
+  }
+  // Pixels.
+  double MeanError(const Eigen::Vector3d& position) const {
+    double sum = 0;
+    for (const auto& [view, pixel] : seen_) sum += (view->ProjectPoint(position).value_or(pixel) - pixel).norm();
+    return sum / static_cast<double>(seen_.size());
+  }
+
+ private:
+  double Cost(const Eigen::Vector3d& position) const {
+    double sum = 0;
+    for (const auto& [view, pixel] : seen_) {
+      const auto projected = view->ProjectPoint(position);
+      if (!projected) return std::numeric_limits<double>::infinity();
+      sum += (*projected - pixel).squaredNorm();
+    }
+    return sum;
+  }
+
+  struct Seen {
+    const View* view;
+    Eigen::Vector2d pixel;
+  };
+  std::vector<Seen> seen_;
+};
+
+// Points with at least two observations; the observations of the others are taken back.
+void ListPoints(const std::vector<ColoredPoint>& points, const std::vector<View>& views,
+                std::vector<ColmapModel::Point>* tracks, ColmapModel* model) {
+  for (size_t i = 0; i < points.size(); ++i) {
+    ColmapModel::Point& point = (*tracks)[i];
+    point.id = static_cast<int>(i) + 1;
+    if (point.track.size() < 2) {  // seen from culled keyframes
+      for (const auto& [image, feature] : point.track)
+        model->images[static_cast<size_t>(image) - 1].features[static_cast<size_t>(feature)].point = -1;
+      continue;
+    }
+    const PointFit fit(*model, views, point);
+    point.position = fit.Refine(points[i].position);
+    point.error = fit.MeanError(point.position);
+    point.color = points[i].color;
+    model->points.push_back(std::move(point));
+  }
+}
+
 }  // namespace
 
 std::string ColmapPictureName(int session, int frame, const std::string& suffix) {
@@ -77,6 +189,7 @@ ColmapModel MakeColmapModel(const Snapshot& snapshot, int component, const Colma
   ColmapModel model;
   Cameras cameras(&model);
   std::vector<ColmapModel::Point> tracks(points.size());
+  std::vector<View> views;
   for (const SnapshotKeyframe& placed : snapshot.components[component].keyframes) {
     const SnapshotSubmap& submap = snapshot.submaps[placed.submap];
     const SubmapKeyframe& keyframe = submap.submap->keyframes.at(placed.id);
@@ -86,12 +199,8 @@ ColmapModel MakeColmapModel(const Snapshot& snapshot, int component, const Colma
     const ImagePixels pixels(session.camera, session.pinhole,
                              has_picture ? picture->second.width : session.pinhole.width,
                              has_picture ? picture->second.height : session.pinhole.height);
-    // Without a model of COLMAP's for the lens, pictures are undistorted ones.
-    const bool is_distorted = ToColmapCamera(pixels.GetCamera()).has_value();
-    const Pinhole ideal = pixels.GetCamera().Ideal();
-    const auto project = [&](const Eigen::Vector3d& p) {
-      return is_distorted ? pixels.FromCamera(p) : ideal.Project(p);
-    };
+    views.emplace_back(pixels, placed.cam_from_root);
+    const View& view = views.back();
     ColmapModel::Image image;
     image.id = static_cast<int>(model.images.size()) + 1;
     image.camera = cameras.Add(submap.session, pixels.GetCamera());
@@ -100,39 +209,25 @@ ColmapModel MakeColmapModel(const Snapshot& snapshot, int component, const Colma
     image.cam_from_world = placed.cam_from_root;
     for (int i = 0; i < keyframe.features.Size(); ++i) {
       const Eigen::Vector2d pixel =
-          project(session.pinhole.Unproject(keyframe.features.keypoints[i].pixel.cast<double>()));
+          view.Project(session.pinhole.Unproject(keyframe.features.keypoints[i].pixel.cast<double>()));
       ColmapModel::Feature feature{pixel.x() + 0.5, pixel.y() + 0.5, -1};
       const MapPointId id = keyframe.map_points[i];
       const int point = id.IsValid() ? resolver.Find(submap.key.session, id) : -1;
       if (point >= 0) {
-        const Eigen::Vector3d in_camera = placed.cam_from_root * points[point].position;
-        const double error = in_camera.z() > 0 ? (project(in_camera) - pixel).norm() : max_error + 1;
+        const auto projected = view.ProjectPoint(points[point].position);
         ColmapModel::Point& track = tracks[point];
         // A picture sees a point once.
         const bool is_seen = !track.track.empty() && track.track.back().image == image.id;
-        if (error <= max_error && !is_seen) {
+        if (projected && (*projected - pixel).norm() <= max_error && !is_seen) {
           feature.point = point + 1;
           track.track.push_back({image.id, i});
-          track.error += error;
         }
       }
       image.features.push_back(feature);
     }
     model.images.push_back(std::move(image));
   }
-  for (size_t i = 0; i < points.size(); ++i) {
-    ColmapModel::Point& point = tracks[i];
-    point.id = static_cast<int>(i) + 1;
-    if (point.track.size() < 2) {  // seen from culled keyframes
-      for (const auto& [image, feature] : point.track)
-        model.images[static_cast<size_t>(image) - 1].features[static_cast<size_t>(feature)].point = -1;
-      continue;
-    }
-    point.position = points[i].position;
-    point.color = points[i].color;
-    point.error /= static_cast<double>(point.track.size());
-    model.points.push_back(std::move(point));
-  }
+  ListPoints(points, views, &tracks, &model);
   return model;
 }
 

@@ -51,9 +51,9 @@ using ColmapPictures = std::map<std::pair<std::string, KeyframeId>, ColmapPictur
 
 // Keyframes without a picture get the name that it would have, and a camera of the size that was tracked. Observations
 // that are more than max_error (pixels of the picture) off are left out, as COLMAP does it with its own, and points
-// that then have less than two.
+// that then have less than two. Points lie where their observations, all taken alike, are met best.
 ColmapModel MakeColmapModel(const Snapshot& snapshot, int component, const ColmapPictures& pictures,
-                            double max_error = 3);
+                            double max_error = 4);
 
 // cameras.txt, images.txt, points3D.txt; or .bin, little-endian.
 struct ColmapFiles {

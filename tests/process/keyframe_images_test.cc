@@ -80,7 +80,8 @@ TEST(KeyframeImages, AreAllThereThoughStoreAndHubAreKilledAndTheMapIsTheSame) {
 
   // So slow that images are on their way all the time.
   RunningCommand run(RunArguments(folder / "shaken", {"--image-rate", "8000"}), folder / "output");
-  ASSERT_TRUE(WaitUntil([&] { return fs::exists(folder / "shaken/images.db"); }, kPatienceS)) << ReadText(folder / "output");
+  ASSERT_TRUE(WaitUntil([&] { return fs::exists(folder / "shaken/images.db"); }, kPatienceS))
+      << ReadText(folder / "output");
   for (int i = 0; i < 3; ++i) {
     for (const std::string program : {"submap_store", "hub"}) {
       SleepSeconds(0.3);
