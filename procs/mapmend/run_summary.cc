@@ -116,8 +116,8 @@ std::string FormatSummaryTable(const std::string& out) {
                           Count(summary, "keyframes_total"), Count(summary, "points_in_main")));
   if (const Json images = summary.value("images", Json::object()); Count(images, "stored") > 0) {
     const int missing = Count(images, "missing");
-    row("images", Format("of %d keyframes", Count(images, "stored")) +
-                      (missing > 0 ? Format(", %d are missing", missing) : ""));
+    row("images",
+        Format("of %d keyframes", Count(images, "stored")) + (missing > 0 ? Format(", %d are missing", missing) : ""));
   }
   if (summary.contains("ate_rmse_m")) {
     row("accuracy",
