@@ -4,11 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <csignal>
+#include <cstdlib>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 
 #include "libs/images/image_file.h"
+#include "procs/mapmend/recorder.h"
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
@@ -107,6 +109,37 @@ TEST(KeyframeImages, AreAllThereThoughStoreAndHubAreKilledAndTheMapIsTheSame) {
   ASSERT_EQ(RunCommand(RunArguments(folder / "none", {"--images", "none"}), kPatienceS).exit_code, 0);
   EXPECT_EQ(Call({"db", "hash", folder / "none"}).output, hash);
   EXPECT_FALSE(fs::exists(folder / "none/images.db"));
+}
+
+// The number behind a name in what COLMAP says; -1 if it does not say it.
+double Figure(const std::string& text, const std::string& name) {
+  const size_t at = text.find(name + ": ");
+  return at == std::string::npos ? -1 : std::atof(text.c_str() + at + name.size() + 2);
+}
+
+TEST(KeyframeImages, ColmapReadsThemWithItsModel) {
+  const std::string colmap = FindOnPath("colmap");
+  if (colmap.empty()) GTEST_SKIP() << "colmap is not installed";
+  setenv("QT_QPA_PLATFORM", "offscreen", 1);
+  const TemporaryFolder folder;
+  ASSERT_EQ(RunCommand(RunArguments(folder / "out"), kPatienceS).exit_code, 0);
+  const nlohmann::json summary = Summary(folder / "out");
+  for (const char* model : {"/colmap", "/colmap/sparse/0"}) {
+    const CommandResult told = RunCommand({colmap, "model_analyzer", "--path", folder / "out" + model}, kPatienceS);
+    ASSERT_EQ(told.exit_code, 0) << told.output;
+    EXPECT_EQ(Figure(told.output, "Registered images"), summary.at("keyframes_in_main").get<int>()) << told.output;
+    EXPECT_GT(Figure(told.output, "Points"), 0.95 * summary.at("points_in_main").get<int>()) << told.output;
+    EXPECT_GT(Figure(told.output, "Mean reprojection error"), 0) << told.output;
+    EXPECT_LT(Figure(told.output, "Mean reprojection error"), 1) << told.output;
+  }
+  const CommandResult undistorted =
+      RunCommand({colmap, "image_undistorter", "--image_path", folder / "out/colmap/images", "--input_path",
+                  folder / "out/colmap/sparse/0", "--output_path", folder / "dense"},
+                 kPatienceS);
+  EXPECT_EQ(undistorted.exit_code, 0) << undistorted.output;
+  int num_images = 0;
+  for (const auto& entry : fs::directory_iterator(folder / "dense/images/0")) num_images += entry.is_regular_file();
+  EXPECT_EQ(num_images, summary.at("keyframes_in_main").get<int>());
 }
 
 TEST(KeyframeImages, OfAFrontendThatIsKilledAreTakenFromTheInputOnceMore) {
