@@ -23,7 +23,3 @@ find_program(LCM_GEN lcm-gen REQUIRED)
 # Of systemd only the notices to a service manager.
 find_path(SYSTEMD_INCLUDE_DIR systemd/sd-daemon.h REQUIRED)
 find_library(SYSTEMD_LIBRARY systemd REQUIRED)
-
-# GeographicLib ships its find module outside CMake's own path.
-list(APPEND CMAKE_MODULE_PATH /usr/share/cmake/geographiclib)
-find_package(GeographicLib REQUIRED)

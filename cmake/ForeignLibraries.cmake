@@ -48,6 +48,10 @@ mapmend_foreign_library(mapmend_gdal gdal_priv.h gdal SUFFIXES gdal)
 mapmend_foreign_library(mapmend_turbojpeg turbojpeg.h turbojpeg)
 mapmend_foreign_library(mapmend_exiv2 exiv2/exiv2.hpp exiv2)
 
+# Positions on the earth; files of positions in XML.
+mapmend_foreign_library(mapmend_geographic GeographicLib/LocalCartesian.hpp GeographicLib)
+mapmend_foreign_library(mapmend_pugixml pugixml.hpp pugixml)
+
 # GStreamer itself, only to check a pipeline before OpenCV opens it: with a wrong one OpenCV 4.6 waits for ever.
 find_package(PkgConfig QUIET)
 if(PKG_CONFIG_FOUND AND NOT TARGET PkgConfig::GSTREAMER)

@@ -10,6 +10,7 @@ inline constexpr char kSubmap[] = "MAPMEND_SUBMAP";
 inline constexpr char kKeyframe[] = "MAPMEND_KEYFRAME";
 inline constexpr char kMapUpdate[] = "MAPMEND_MAP_UPDATE";
 inline constexpr char kWideFeatures[] = "MAPMEND_WIDE_FEATURES";
+inline constexpr char kPositions[] = "MAPMEND_POSITIONS";
 inline constexpr char kAck[] = "MAPMEND_ACK";
 inline constexpr char kStoreStarted[] = "MAPMEND_STORE_STARTED";
 inline constexpr char kStreamState[] = "MAPMEND_STREAM_STATE";
@@ -40,6 +41,7 @@ inline constexpr char kImageFetch[] = "MAPMEND_IMAGE_FETCH";
 inline constexpr char kImageFetched[] = "MAPMEND_IMAGE_FETCHED";
 inline constexpr char kImageStatusRequest[] = "MAPMEND_IMAGE_STATUS_REQUEST";
 inline constexpr char kImageStatus[] = "MAPMEND_IMAGE_STATUS";
+inline constexpr char kGps[] = "MAPMEND_GPS";
 inline constexpr char kHealth[] = "MAPMEND_HEALTH";
 
 }  // namespace mapmend::channels

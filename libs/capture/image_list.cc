@@ -139,4 +139,21 @@ ImageList ListImages(const std::string& folder) {
   return list;
 }
 
+std::vector<std::string> ImagesOf(const std::vector<std::string>& inputs) {
+  std::vector<std::string> files, images;
+  std::error_code error;
+  for (const std::string& input : inputs) {
+    if (fs::is_directory(input, error)) {
+      const std::vector<std::string> in_folder = ListImages(input).files;
+      files.insert(files.end(), in_folder.begin(), in_folder.end());
+    } else if (HasImageName(input)) {
+      images.push_back(input);
+    } else {
+      return {};
+    }
+  }
+  if (!images.empty()) files = SortImages(images).files;
+  return files;
+}
+
 }  // namespace mapmend

@@ -24,6 +24,10 @@ bool NaturalLess(const std::string& a, const std::string& b);
 // frame. Throws std::runtime_error with one line if the folder cannot be read or holds no image.
 ImageList ListImages(const std::string& folder);
 
+// The images of a flight's inputs in the order of its frames, if they are folders of images or images; empty if one of
+// them is something else.
+std::vector<std::string> ImagesOf(const std::vector<std::string>& inputs);
+
 // The same for images that were named one by one.
 ImageList SortImages(std::vector<std::string> files);
 

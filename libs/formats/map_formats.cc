@@ -75,7 +75,7 @@ std::vector<std::string> ParseFormats(const std::vector<std::string>& texts) {
 bool IsAlwaysWritten(const std::string& format) { return Find(format)->is_always_written; }
 
 const std::vector<std::string>& FrameNames() {
-  static const std::vector<std::string> names = {"map", "level"};
+  static const std::vector<std::string> names = {"map", "level", "enu", "utm"};
   return names;
 }
 

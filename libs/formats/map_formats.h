@@ -23,7 +23,7 @@ std::vector<std::string> ParseFormats(const std::vector<std::string>& texts);
 
 bool IsAlwaysWritten(const std::string& format);
 
-// Names of the frames of reference in which a map can be had, those that need no position on the earth: "map", "level".
+// Names of the frames of reference in which a map can be had: "map", "level", and of maps with positions "enu", "utm".
 const std::vector<std::string>& FrameNames();
 
 // Those of the formats written on demand whose files are all in a folder.

@@ -9,6 +9,8 @@
 
 #include "libs/base/text_format.h"
 #include "libs/geometry/chi_square.h"
+#include "libs/optim/bundle_adjuster.h"
+#include "libs/optim/position_prior.h"
 #include "libs/optim/reprojection_cost.h"
 
 namespace mapmend {
@@ -155,8 +157,8 @@ void MeasureScales(MergedMap* map) {
   }
 }
 
-MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMap* map,
-                                    const std::vector<int>* window) {
+MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMap* map, const std::vector<int>* window,
+                                    const std::vector<PositionPrior>* positions) {
   MergedBundleSummary summary;
   std::vector<char> is_free(map->keyframes.size(), window == nullptr),
       is_touched(map->points.size(), window == nullptr);
@@ -168,7 +170,8 @@ MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMa
           std::any_of(track.begin(), track.end(), [&](const TrackElement& e) { return is_free[e.keyframe]; });
     }
   }
-  is_free[0] = 0;
+  const bool has_positions = positions != nullptr && !positions->empty();
+  if (!has_positions) is_free[0] = 0;
   const std::vector<char> selected = SelectPoints(*map, options.points_per_keyframe);
   BundleProblem problem;
   for (const SubmapView& submap : map->submaps) problem.cameras.push_back(submap.camera);
@@ -194,7 +197,7 @@ MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMa
   }
   summary.num_points = static_cast<int>(index.size());
   summary.num_observations = static_cast<int>(problem.observations.size());
-  const BundleSummary bundle = AdjustBundle(options.bundle, &problem);
+  const BundleSummary bundle = BundleAdjuster().Adjust(options.bundle, &problem, has_positions ? positions : nullptr);
   summary.success = bundle.success;
   summary.num_iterations = bundle.iterations;
   summary.initial_cost = bundle.initial_cost;

@@ -36,6 +36,8 @@ struct MergedBundleOptions {
   }
 };
 
+struct PositionPrior;
+
 struct MergedBundleSummary {
   bool success = false;
   int num_points = 0, num_observations = 0;  // in the joint solution
@@ -48,8 +50,10 @@ struct MergedBundleSummary {
 // Bundle adjustment of a merged map: all poses but keyframe 0, all points. With a window (keyframes), the poses of its
 // keyframes and the points they see; everything else stays. Then outliers are removed, points left with fewer than two
 // observations are culled, and each keyframe's scale is measured anew.
+//   positions  of keyframes; null, or empty: none. Where there are some, keyframe 0 is free as well
 MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMap* map,
-                                    const std::vector<int>* window = nullptr);
+                                    const std::vector<int>* window = nullptr,
+                                    const std::vector<PositionPrior>* positions = nullptr);
 
 // Fits every point to the poses as they are (Gauss-Newton, Huber); a point that would end behind a camera stays.
 void RefinePoints(MergedMap* map, const std::vector<char>* only = nullptr);

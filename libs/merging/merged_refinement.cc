@@ -32,10 +32,11 @@ std::vector<PoseGraphEdge> Relations(const MergedMap& map, const std::vector<Ref
 }
 
 PoseGraphSummary SolvePoseGraph(const std::vector<PoseGraphEdge>& edges, const PoseGraphOptions& options,
-                                MergedMap* map) {
+                                const std::vector<PositionPrior>& positions, MergedMap* map) {
   std::vector<Similarity3> vertices;
   for (const MergedKeyframe& k : map->keyframes) vertices.push_back(k.RootFromCam());
-  const PoseGraphSummary summary = OptimizePoseGraph(edges, 0, options, &vertices);
+  const PoseGraphSummary summary = positions.empty() ? OptimizePoseGraph(edges, 0, options, &vertices)
+                                                     : OptimizePoseGraph(edges, -1, options, &vertices, &positions);
   if (!summary.success) return summary;
   const std::vector<MergedKeyframe> before = map->keyframes;
   for (size_t k = 0; k < vertices.size(); ++k) {
@@ -122,11 +123,12 @@ class Refinement {
  public:
   Refinement(const std::vector<SubmapView>& submaps, const std::vector<Similarity3>& root_from_submap,
              const MergedRefinementOptions& options, const std::function<void(const std::string&)>& progress,
-             const OpenFeatureSource& open_features)
+             const OpenFeatureSource& open_features, const FlightPositions& positions)
       : submaps_(submaps),
         options_(options),
         progress_(progress),
         open_features_(open_features),
+        positions_(positions),
         map_(MakeMergedMap(submaps, root_from_submap, open_features)),
         searched_(map_, open_features),
         num_keyframes_(static_cast<int>(map_.keyframes.size())),
@@ -149,6 +151,8 @@ class Refinement {
   // bundle adjustment would need very many steps for.
   void Straighten(const std::vector<OverlapRelation>& relations);
   OverlapFindings Match(double radius);
+  // Where receivers say that the keyframes were. The map is placed anew each time, because it has changed.
+  std::vector<PositionPrior> FindPositions() const;
   void Fuse(size_t round);
   // Fusion of what lies on each other, and bundle adjustment. False: it failed.
   bool Adjust(size_t round);
@@ -163,6 +167,7 @@ class Refinement {
   const MergedRefinementOptions& options_;
   const std::function<void(const std::string&)>& progress_;
   const OpenFeatureSource& open_features_;
+  const FlightPositions& positions_;
   MergedRefinementResult result_;
   MergedMap map_;
   SearchedKeyframes searched_;
@@ -207,7 +212,10 @@ void Refinement::SolveLinks(const std::vector<RefinementLink>& links) {
   num_links_and_tracked_ = edges_.size();
   if (!edges_.empty()) {
     Report(Format("pose graph of %zu keyframes and %zu relations", map_.keyframes.size(), edges_.size()));
-    result_.summary.pose_graph = SolvePoseGraph(edges_, options_.pose_graph, &map_);
+    result_.summary.pose_graph = SolvePoseGraph(edges_, options_.pose_graph, {}, &map_);
+    // Once more with the positions, which a map that is bent less fits better.
+    if (const std::vector<PositionPrior> priors = FindPositions(); !priors.empty())
+      result_.summary.pose_graph = SolvePoseGraph(edges_, options_.pose_graph, priors, &map_);
   }
   by_overlaps_ = is_large_ && result_.summary.pose_graph.success;
   if (by_overlaps_) Straighten(Match(options_.radii[0]).relations);
@@ -218,7 +226,14 @@ void Refinement::Straighten(const std::vector<OverlapRelation>& relations) {
   AppendOverlaps(map_, relations, options_.overlapping, &edges_);
   Report(Format("pose graph of %zu keyframes and %zu relations, overlaps among them", map_.keyframes.size(),
                 edges_.size()));
-  result_.summary.pose_graph = SolvePoseGraph(edges_, options_.pose_graph, &map_);
+  result_.summary.pose_graph = SolvePoseGraph(edges_, options_.pose_graph, FindPositions(), &map_);
+}
+
+std::vector<PositionPrior> Refinement::FindPositions() const {
+  if (positions_.empty() || !options_.positions.use) return {};
+  MapPositions found = FindMapPositions(map_, positions_, options_.positions);
+  if (!found.told.empty()) Report(found.told);
+  return std::move(found.priors);
 }
 
 OverlapFindings Refinement::Match(double radius) {
@@ -250,10 +265,11 @@ bool Refinement::Adjust(size_t round) {
   MergedBundleOptions bundle = BundleOptions(options_.iterations[round]);
   const bool last = round + 1 == num_rounds_;
   if (last && num_keyframes_ <= options_.max_keyframes_with_all_points) bundle.points_per_keyframe = 0;
+  const std::vector<PositionPrior> priors = by_windows_ ? std::vector<PositionPrior>() : FindPositions();
   Report(Format("bundle adjustment, round %zu of %zu", round + 1, num_rounds_));
   const auto report = [this](const std::string& text) { Report(text); };
   result_.summary.bundles.push_back(by_windows_ ? AdjustWindows(bundle, options_.windows, report, &map_)
-                                                : AdjustMergedMap(bundle, &map_));
+                                                : AdjustMergedMap(bundle, &map_, nullptr, &priors));
   const MergedBundleSummary& adjusted = result_.summary.bundles.back();
   Report(Format("%d points, %d observations, %d iterations, cost %.0f to %.0f, %d outliers removed",
                 adjusted.num_points, adjusted.num_observations, adjusted.num_iterations, adjusted.initial_cost,
@@ -306,8 +322,8 @@ MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
                                        const std::vector<Similarity3>& root_from_submap,
                                        const std::vector<RefinementLink>& links, const MergedRefinementOptions& options,
                                        const std::function<void(const std::string&)>& progress,
-                                       const OpenFeatureSource& open_features) {
-  return Refinement(submaps, root_from_submap, options, progress, open_features).Run(links);
+                                       const OpenFeatureSource& open_features, const FlightPositions& positions) {
+  return Refinement(submaps, root_from_submap, options, progress, open_features, positions).Run(links);
 }
 
 }  // namespace mapmend

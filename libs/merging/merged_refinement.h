@@ -7,6 +7,7 @@
 #include "libs/base/range.h"
 #include "libs/connecting/connected_frames.h"
 #include "libs/connecting/pose_graph_relations.h"
+#include "libs/merging/map_positions.h"
 #include "libs/merging/merged_bundle_adjustment.h"
 #include "libs/merging/overlap_matching.h"
 #include "libs/merging/seam_windows.h"
@@ -48,6 +49,7 @@ struct MergedRefinementOptions {
   // any, the last round is done again.
   bool find_readouts = true;
   int readout_iterations = 12;
+  MapPositionOptions positions;
 
   template <typename Visitor>
   void Visit(Visitor& v) {
@@ -67,6 +69,7 @@ struct MergedRefinementOptions {
     v("windows", windows);
     v("find_readouts", find_readouts);
     v("readout_iterations", readout_iterations, Range(1, 10000));
+    v("positions", positions);
   }
   // Empty, or one line that names the first option that is wrong.
   std::string Check() const;
@@ -93,11 +96,13 @@ struct MergedRefinementResult {
 // Refines one component: Sim(3) pose graph over all keyframes with all links, fusion of duplicate points between
 // overlapping keyframes of all submaps, bundle adjustment; repeated with narrowing search. The frame stays that of
 // submap 0. A refinement that does not lower the reprojection error is not taken. progress(text) is called between the
-// stages. open_features: where features are read from; null if the submaps hold them all.
+// stages. open_features: where features are read from; null if the submaps hold them all. positions: of the vehicles,
+// as priors that keep long strips from bending; where the windows are adjusted one by one, in the pose graph alone.
 MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,
                                        const std::vector<Similarity3>& root_from_submap,
                                        const std::vector<RefinementLink>& links, const MergedRefinementOptions& options,
                                        const std::function<void(const std::string&)>& progress = {},
-                                       const OpenFeatureSource& open_features = {});
+                                       const OpenFeatureSource& open_features = {},
+                                       const FlightPositions& positions = {});
 
 }  // namespace mapmend

@@ -82,6 +82,7 @@ RefinementScheduleOptions::RefinementScheduleOptions() {
   live.max_keyframes_at_once = 600;
   live.windows.max_windows = 4;
   live.find_readouts = false;
+  live.positions.use = false;
 }
 
 std::string RefinementScheduleOptions::Check() const { return CheckOptions(*this); }
@@ -111,6 +112,9 @@ RefinementTask RefinementSchedule::Begin(const Sessions& sessions, const Connect
     task.parts.push_back({submap, view.camera, view.pyramid, view.real});
   }
   AddLinks(sessions, graph, index, &task.links);
+  for (const auto& [id, session] : sessions) {
+    if (is_complete && task.options.positions.use && !session.positions.empty()) task.positions[id] = session.positions;
+  }
   return task;
 }
 

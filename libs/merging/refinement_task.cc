@@ -56,7 +56,7 @@ RefinementOutcome RunRefinement(const RefinementTask& task, const std::function<
     OpenFeatureSource open_features;
     if (open) open_features = [&] { return std::make_unique<StoredFeatures>(open(), &sessions); };
     const MergedRefinementResult result =
-        RefineMergedMap(views, root_from_submap, links, task.options, progress, open_features);
+        RefineMergedMap(views, root_from_submap, links, task.options, progress, open_features, task.positions);
     if (progress) progress("refinement: " + result.summary.reason);
 
     std::vector<RefinedSubmap> refined(members.size());

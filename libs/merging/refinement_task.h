@@ -32,6 +32,7 @@ struct RefinementTask {
   MergedTransforms transforms;  // where the tree puts every submap
   std::vector<Part> parts;      // as transforms.submaps
   std::vector<Link> links;
+  FlightPositions positions;  // by session
   MergedRefinementOptions options;
   int64_t state = 0;  // of the merger when the task was made
   bool is_final = false;

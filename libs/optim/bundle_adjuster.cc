@@ -8,6 +8,7 @@
 #include <deque>
 
 #include "libs/optim/bundle_points.h"
+#include "libs/optim/position_prior.h"
 #include "libs/optim/reprojection_cost.h"
 
 namespace mapmend {
@@ -87,7 +88,7 @@ BundleAdjuster& BundleAdjuster::operator=(BundleAdjuster&&) noexcept = default;
 // One call of Adjust: the problem in Ceres's terms, over the blocks that are kept.
 class BundleAdjuster::Window {
  public:
-  Window(const BundleOptions& options, Kept* kept, BundleProblem* problem);
+  Window(const BundleOptions& options, Kept* kept, BundleProblem* problem, const std::vector<PositionPrior>* positions);
 
   BundleSummary Solve();
   // What Solve has found goes into the problem; points that were left out are fitted to it.
@@ -101,6 +102,7 @@ class BundleAdjuster::Window {
   void AddPoses();
   void AddReadouts();
   void AddObservations();
+  void AddPositions(const std::vector<PositionPrior>& positions);
 
   const BundleOptions& options_;
   Kept& kept_;
@@ -111,11 +113,14 @@ class BundleAdjuster::Window {
   std::vector<double> readouts_;
   ceres::HuberLoss loss_;
   ReadoutPrior pull_;
+  ceres::CauchyLoss position_loss_{kPositionCauchy};
+  std::deque<PositionCost> position_costs_;
   std::deque<RollingShutterCost> rolling_costs_;
   ceres::Problem ceres_problem_;
 };
 
-BundleAdjuster::Window::Window(const BundleOptions& options, Kept* kept, BundleProblem* problem)
+BundleAdjuster::Window::Window(const BundleOptions& options, Kept* kept, BundleProblem* problem,
+                               const std::vector<PositionPrior>* positions)
     : options_(options),
       kept_(*kept),
       problem_(problem),
@@ -132,6 +137,7 @@ BundleAdjuster::Window::Window(const BundleOptions& options, Kept* kept, BundleP
   AddPoses();
   AddReadouts();
   AddObservations();
+  if (positions != nullptr) AddPositions(*positions);
 }
 
 ceres::Problem::Options BundleAdjuster::Window::ProblemOptions(Kept* kept) {
@@ -204,6 +210,14 @@ void BundleAdjuster::Window::AddObservations() {
   }
 }
 
+void BundleAdjuster::Window::AddPositions(const std::vector<PositionPrior>& positions) {
+  for (const PositionPrior& prior : positions) {
+    if (!pose_used_[prior.pose]) continue;
+    position_costs_.emplace_back(kept_.poses->At(prior.pose), prior);
+    ceres_problem_.AddResidualBlock(&position_costs_.back(), &position_loss_, kept_.poses->Step(prior.pose));
+  }
+}
+
 ceres::Solver::Options BundleAdjuster::Window::SolverOptions() const {
   ceres::Solver::Options solver;
   solver.linear_solver_type = num_free_poses_ <= kMaxDensePoses ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
@@ -241,10 +255,11 @@ void BundleAdjuster::Window::TakeOver() {
   if (options_.points_per_pose > 0) RefineOthers(options_, chosen_, by_point_, problem_);
 }
 
-BundleSummary BundleAdjuster::Adjust(const BundleOptions& options, BundleProblem* problem) {
+BundleSummary BundleAdjuster::Adjust(const BundleOptions& options, BundleProblem* problem,
+                                     const std::vector<PositionPrior>* positions) {
   if (problem->observations.empty()) return {};
   kept_->MakeRoom(problem->poses.size(), problem->points.size());
-  Window window(options, kept_.get(), problem);
+  Window window(options, kept_.get(), problem, positions);
   const BundleSummary result = window.Solve();
   if (result.success) window.TakeOver();
   return result;

@@ -1,10 +1,13 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "libs/optim/bundle_adjustment.h"
 
 namespace mapmend {
+
+struct PositionPrior;
 
 // Bundle adjustment of one window after the other. Gives what AdjustBundle gives, to the bit, and is faster: blocks of
 // parameters, cost functions and the order of elimination stay from one call to the next. The ceres::Problem does not:
@@ -16,7 +19,9 @@ class BundleAdjuster {
   BundleAdjuster(BundleAdjuster&&) noexcept;
   BundleAdjuster& operator=(BundleAdjuster&&) noexcept;
 
-  BundleSummary Adjust(const BundleOptions& options, BundleProblem* problem);
+  // positions: of poses that observe something; null: none.
+  BundleSummary Adjust(const BundleOptions& options, BundleProblem* problem,
+                       const std::vector<PositionPrior>* positions = nullptr);
 
  private:
   struct Kept;

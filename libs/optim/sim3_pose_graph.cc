@@ -8,6 +8,8 @@
 
 #include <cmath>
 
+#include "libs/optim/position_prior.h"
+
 namespace mapmend {
 namespace {
 
@@ -43,6 +45,19 @@ struct RelationCost {
   double log_scale, weight_rotation, weight_translation, weight_scale;
 };
 
+// Of the translation of root_from_vertex.
+struct VertexPositionCost {
+  template <typename T>
+  bool operator()(const T* t, T* residual) const {
+    const Eigen::Map<const Eigen::Matrix<T, 3, 1>> translation(t);
+    Eigen::Map<Eigen::Matrix<T, 3, 1>> r(residual);
+    r = prior.whitening.template cast<T>() * (translation - prior.position.template cast<T>());
+    return true;
+  }
+
+  PositionPrior prior;
+};
+
 struct Vertex {
   Eigen::Quaterniond rotation;
   Eigen::Vector3d translation;
@@ -52,7 +67,8 @@ struct Vertex {
 }  // namespace
 
 PoseGraphSummary OptimizePoseGraph(const std::vector<PoseGraphEdge>& edges, int fixed, const PoseGraphOptions& options,
-                                   std::vector<Similarity3>* root_from_vertex) {
+                                   std::vector<Similarity3>* root_from_vertex,
+                                   const std::vector<PositionPrior>* positions) {
   PoseGraphSummary result;
   if (edges.empty()) return result;
   std::vector<Vertex> vertices;
@@ -69,6 +85,15 @@ PoseGraphSummary OptimizePoseGraph(const std::vector<PoseGraphEdge>& edges, int 
     problem.AddResidualBlock(new ceres::AutoDiffCostFunction<RelationCost, 7, 4, 3, 1, 4, 3, 1>(new RelationCost(e)),
                              e.robust ? &cauchy : nullptr, a.rotation.coeffs().data(), a.translation.data(),
                              &a.log_scale, b.rotation.coeffs().data(), b.translation.data(), &b.log_scale);
+  }
+  ceres::CauchyLoss position_loss(kPositionCauchy);
+  if (positions != nullptr) {
+    for (const PositionPrior& prior : *positions) {
+      double* translation = vertices[prior.pose].translation.data();
+      if (!problem.HasParameterBlock(translation)) continue;
+      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<VertexPositionCost, 3, 3>(new VertexPositionCost{prior}),
+                               &position_loss, translation);
+    }
   }
   for (size_t v = 0; v < vertices.size(); ++v) {
     if (!problem.HasParameterBlock(&vertices[v].log_scale)) continue;

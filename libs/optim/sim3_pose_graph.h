@@ -51,6 +51,8 @@ struct PoseGraphOptions {
   }
 };
 
+struct PositionPrior;
+
 struct PoseGraphSummary {
   bool success = false;
   int num_iterations = 0;
@@ -58,9 +60,11 @@ struct PoseGraphSummary {
 };
 
 // Improves root_from_vertex so that vertices agree with the edges: nonlinear least squares over rotations, translations
-// and scales (after H. Strasdat, J. Montiel, A. Davison, RSS 2010). Vertex `fixed` stays. Ceres, one thread:
+// and scales (after H. Strasdat, J. Montiel, A. Davison, RSS 2010). Vertex `fixed` stays; -1: none. Ceres, one thread:
 // bit-reproducible.
+//   positions  of vertices; null: none
 PoseGraphSummary OptimizePoseGraph(const std::vector<PoseGraphEdge>& edges, int fixed, const PoseGraphOptions& options,
-                                   std::vector<Similarity3>* root_from_vertex);
+                                   std::vector<Similarity3>* root_from_vertex,
+                                   const std::vector<PositionPrior>* positions = nullptr);
 
 }  // namespace mapmend

@@ -10,12 +10,13 @@
 #include "libs/features/wide_features.h"
 #include "libs/geometry/camera.h"
 #include "libs/geometry/rigid3.h"
+#include "libs/positioning/position_fix.h"
 #include "libs/retrieval/bow_vector.h"
 #include "libs/stream/ids.h"
 
 // The records of the stream as plain C++ (lcmtypes/*.lcm are their wire form; libs/wire/codec.h converts). A session is
-// the sequence SessionStarted, then SubmapStarted, KeyframeRecord, MapUpdate, SubmapEnded, WideFeaturesRecord in any
-// legal order, then SessionEnded.
+// the sequence SessionStarted, then SubmapStarted, KeyframeRecord, MapUpdate, SubmapEnded, WideFeaturesRecord,
+// PositionsRecord in any legal order, then SessionEnded.
 namespace mapmend {
 
 struct RecordHeader {
@@ -105,8 +106,13 @@ struct WideFeaturesRecord {
   WideFeatures features;
 };
 
+// Where a receiver says that the vehicle was, in the order in which it was told. May come at any time.
+struct PositionsRecord {
+  std::vector<PositionFix> fixes;
+};
+
 using RecordBody = std::variant<SessionStarted, SessionEnded, SubmapStarted, SubmapEnded, KeyframeRecord, MapUpdate,
-                                WideFeaturesRecord>;
+                                WideFeaturesRecord, PositionsRecord>;
 
 struct Record {
   RecordHeader header;

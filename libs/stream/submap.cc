@@ -221,6 +221,11 @@ std::string Session::Apply(const Record& record) {
   } else if (const auto* start = std::get_if<SubmapStarted>(&record.body)) {
     if (!start->submap.IsValid() || submaps.contains(start->submap)) return "submap started twice";
     submaps[start->submap].id = start->submap;
+  } else if (const auto* told = std::get_if<PositionsRecord>(&record.body)) {
+    for (const PositionFix& fix : told->fixes) {
+      if (std::string problem = ProblemOf(fix); !problem.empty()) return "positions: " + problem;
+    }
+    positions.insert(positions.end(), told->fixes.begin(), told->fixes.end());
   } else {
     const SubmapId submap_id = std::visit(
         [](const auto& b) {

@@ -93,6 +93,7 @@ struct Session {
   int num_frames = 0;  // read, known once ended
   SessionStarted info;
   std::map<SubmapId, Submap> submaps;
+  std::vector<PositionFix> positions;  // in the order of the stream
 
   // Applies the next record. Returns an empty string, or one line that says what is wrong with it (seq not above the
   // last, unknown submap, keyframe, point or feature index, a submap that has ended, non-finite value); then the

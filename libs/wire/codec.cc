@@ -4,6 +4,7 @@
 #include <cctype>
 #include <cmath>
 #include <cstring>
+#include <mapmend/gps_t.hpp>
 #include <mapmend/keyframe_t.hpp>
 #include <mapmend/map_update_t.hpp>
 #include <mapmend/session_t.hpp>
@@ -14,6 +15,7 @@
 #include "libs/bus/channels.h"
 #include "libs/retrieval/inverted_index.h"
 #include "libs/wire/checked.h"
+#include "libs/wire/fix_message.h"
 
 namespace mapmend {
 namespace {
@@ -188,6 +190,16 @@ RecordBody Decode(const wide_features_t& m) {
   return body;
 }
 
+RecordBody Decode(const gps_t& m) {
+  PositionsRecord body;
+  for (const gps_fix_t& fix : m.fixes) {
+    body.fixes.push_back(wire::ReadFix(fix));
+    const std::string problem = ProblemOf(body.fixes.back());
+    Require(problem.empty(), problem.c_str());
+  }
+  return body;
+}
+
 template <typename Message>
 Record DecodeAs(const uint8_t* data, int size) {
   Message message{};
@@ -222,7 +234,7 @@ bool IsSessionId(const std::string& text) {
 
 bool IsRecordChannel(const std::string& channel) {
   return channel == channels::kSession || channel == channels::kSubmap || channel == channels::kKeyframe ||
-         channel == channels::kMapUpdate || channel == channels::kWideFeatures;
+         channel == channels::kMapUpdate || channel == channels::kWideFeatures || channel == channels::kPositions;
 }
 
 DecodedRecord DecodeRecord(const EncodedRecord& record) {
@@ -242,6 +254,8 @@ DecodedRecord DecodeRecord(const std::string& channel, const uint8_t* data, int 
       result.record = DecodeAs<map_update_t>(data, size);
     } else if (channel == channels::kWideFeatures) {
       result.record = DecodeAs<wide_features_t>(data, size);
+    } else if (channel == channels::kPositions) {
+      result.record = DecodeAs<gps_t>(data, size);
     } else {
       result.error = channel + " carries no records";
     }

@@ -25,9 +25,9 @@ std::optional<RecordHeader> PeekHeader(const uint8_t* data, int size);
 
 // Session names: 1 to 64 letters, digits, - or _ (UUIDs fit).
 bool IsSessionId(const std::string& text);
-// MAPMEND_SESSION, MAPMEND_SUBMAP, MAPMEND_KEYFRAME, MAPMEND_MAP_UPDATE and MAPMEND_WIDE_FEATURES.
+// MAPMEND_SESSION, MAPMEND_SUBMAP, MAPMEND_KEYFRAME, MAPMEND_MAP_UPDATE, MAPMEND_WIDE_FEATURES and MAPMEND_POSITIONS.
 bool IsRecordChannel(const std::string& channel);
-inline constexpr const char* kRecordChannels[] = {"MAPMEND_SESSION", "MAPMEND_SUBMAP", "MAPMEND_KEYFRAME",
-                                                  "MAPMEND_MAP_UPDATE", "MAPMEND_WIDE_FEATURES"};
+inline constexpr const char* kRecordChannels[] = {"MAPMEND_SESSION",    "MAPMEND_SUBMAP",        "MAPMEND_KEYFRAME",
+                                                  "MAPMEND_MAP_UPDATE", "MAPMEND_WIDE_FEATURES", "MAPMEND_POSITIONS"};
 
 }  // namespace mapmend

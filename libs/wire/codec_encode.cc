@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cstring>
+#include <mapmend/gps_t.hpp>
 #include <mapmend/keyframe_t.hpp>
 #include <mapmend/map_update_t.hpp>
 #include <mapmend/session_t.hpp>
@@ -10,6 +11,7 @@
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
 #include "libs/wire/codec.h"
+#include "libs/wire/fix_message.h"
 
 namespace mapmend {
 namespace {
@@ -189,6 +191,14 @@ wide_features_t ToMessage(const RecordHeader& header, const WideFeaturesRecord& 
   return message;
 }
 
+gps_t ToMessage(const RecordHeader& header, const PositionsRecord& body) {
+  gps_t message{};
+  message.header = ToMessage(header);
+  for (const PositionFix& fix : body.fixes) message.fixes.push_back(wire::WriteFix(fix));
+  message.num_fixes = Count(message.fixes);
+  return message;
+}
+
 const char* ChannelOf(const RecordBody& body) {
   switch (body.index()) {
     case 0:
@@ -201,8 +211,10 @@ const char* ChannelOf(const RecordBody& body) {
       return channels::kKeyframe;
     case 5:
       return channels::kMapUpdate;
-    default:
+    case 6:
       return channels::kWideFeatures;
+    default:
+      return channels::kPositions;
   }
 }
 

@@ -9,6 +9,7 @@
 
 #include "libs/wire/checked.h"
 #include "libs/wire/codec.h"
+#include "libs/wire/fix_message.h"
 
 namespace mapmend {
 namespace {
@@ -136,6 +137,21 @@ std::vector<uint8_t> Encode(const FramePose& pose) {
 template <>
 Decoded<FramePose> Decode(const uint8_t* data, int size) {
   return wire::DecodeChecked<FramePose, frame_pose_t>(data, size, Read);
+}
+
+template <>
+std::vector<uint8_t> Encode(const PositionFix& fix) {
+  return EncodeMessage(wire::WriteFix(fix));
+}
+
+template <>
+Decoded<PositionFix> Decode(const uint8_t* data, int size) {
+  return wire::DecodeChecked<PositionFix, gps_fix_t>(data, size, [](const gps_fix_t& m) {
+    const PositionFix fix = wire::ReadFix(m);
+    const std::string problem = ProblemOf(fix);
+    wire::Require(problem.empty(), problem.c_str());
+    return fix;
+  });
 }
 
 }  // namespace mapmend

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "libs/bus/bus.h"
+#include "libs/positioning/position_fix.h"
 #include "libs/stream/stream_messages.h"
 
 // What is said of the stream beside its records, to and from its wire form.
@@ -38,5 +39,11 @@ template <>
 std::vector<uint8_t> Encode(const FramePose& pose);
 template <>
 Decoded<FramePose> Decode(const uint8_t* data, int size);
+
+// MAPMEND_GPS. Refused: what cannot be a position.
+template <>
+std::vector<uint8_t> Encode(const PositionFix& fix);
+template <>
+Decoded<PositionFix> Decode(const uint8_t* data, int size);
 
 }  // namespace mapmend

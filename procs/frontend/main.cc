@@ -22,6 +22,11 @@ void AddInputOptions(CLI::App& app, mapmend::RunOptions& options) {
                  "video files, folders of images, images, or logs of lcm-logger: one flight; none with --live");
   app.add_option("--camera", options.camera_path, "calibration, in any format of data/cameras/README.md")->required();
   app.add_option("--mask", options.mask_path, "image, black where no features may be, or YAML with mask_rectangles");
+  app.add_option("--gps", options.gps_path,
+                 "positions of the vehicle (table, GPX, NMEA, DJI subtitles, geo.txt), or exif, or none; else from the "
+                 "photos, or from subtitles beside the video");
+  app.add_option("--gps-origin", options.gps_origin,
+                 "LATITUDE,LONGITUDE,ALTITUDE of positions that are told east, north, up from there");
   app.add_option("--times", options.times_path, "time of each frame, one per line; else from the frame rate");
   app.add_option("--vocabulary", options.vocabulary_path, "vocabulary (mapmend's or DBoW2's text format)")->required();
   app.add_option("--skip-frames", options.skip_frames, "frames to leave out, e.g. 80-120,200-240");

@@ -14,6 +14,7 @@
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/health.h"
+#include "libs/capture/image_list.h"
 #include "libs/capture/image_mask.h"
 #include "libs/retrieval/vocabulary.h"
 #include "libs/stream/session_id.h"
@@ -23,6 +24,7 @@
 #include "procs/frontend/frame_queue.h"
 #include "procs/frontend/frontend_input.h"
 #include "procs/frontend/keyframe_images.h"
+#include "procs/frontend/position_input.h"
 #include "procs/frontend/profiler.h"
 #include "procs/frontend/resume.h"
 #include "procs/frontend/run_options.h"
@@ -134,6 +136,11 @@ void DeliverAll(const RunOptions& options, bool is_live, StreamSender* sender, H
   }
 }
 
+// Where a camera on board is heard.
+std::string LocalUrl(const RunOptions& options) {
+  return options.local_url.empty() ? ResolveLcmUrl(options.process.lcm_url) : options.local_url;
+}
+
 // One line for a person; empty if nothing was lost.
 std::string DescribeDropped(int64_t num_dropped, int64_t num_bad) {
   std::string text;
@@ -159,6 +166,16 @@ OrbOptions OrbFor(const RunOptions& options, const Camera& camera) {
 std::shared_ptr<const cv::Mat> MaskFor(const RunOptions& options, const Camera& camera) {
   if (options.mask_path.empty()) return nullptr;
   return std::make_shared<cv::Mat>(ReadMask(options.mask_path, camera.width, camera.height));
+}
+
+PositionInput PositionsFor(const RunOptions& options) {
+  const std::vector<std::string> images =
+      options.mode == InputMode::kLive ? std::vector<std::string>() : ImagesOf(options.inputs);
+  PositionSource source = PositionSource::Open(options.gps_path, options.gps_origin, options.inputs, images);
+  if (!source.Note().empty()) spdlog::info("frontend: {}", source.Note());
+  const bool is_live = options.mode == InputMode::kLive && options.gps_path.empty();
+  return {std::move(source),
+          is_live ? std::make_unique<LivePositions>(LocalUrl(options), options.process.channel_prefix) : nullptr};
 }
 
 std::string SessionFor(const RunOptions& options) {
@@ -190,6 +207,7 @@ class FrontendRun {
 
  private:
   void OnFrame(const FramePtr& frame);
+  void TellPositions(int64_t utime, std::vector<PositionFix> fixes);
   void TrackAll();
   void Finish();
   void Report();
@@ -217,6 +235,7 @@ class FrontendRun {
   ResumePoint resume_;
   std::unique_ptr<ImageSource> file_;  // until there is an input
   std::unique_ptr<Input> input_;
+  PositionInput positions_;
 
   const std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
   std::vector<double> track_ms_;
@@ -244,7 +263,8 @@ FrontendRun::FrontendRun(const RunOptions& options, std::unique_ptr<ImageSource>
                 [this](int64_t utime, RecordBody body) { sender_.Append(utime, std::move(body)); }),
       events_(options.events_path, "frontend"),
       diary_(&events_, &health_),
-      file_(std::move(file)) {
+      file_(std::move(file)),
+      positions_(PositionsFor(options)) {
   if (local_bus_) health_.AlsoTo(local_bus_.get());
   if (images_.AreKept()) {
     frontend_.TakeImages([this](KeyframeId keyframe, const Frame& frame) {
@@ -264,7 +284,10 @@ int FrontendRun::Run() {
     health_.SetState("done", "session " + session_ + " is complete already");
     return 0;
   }
-  if (resume_.is_resumed) frontend_.ContinueAfter(resume_.ids);
+  if (resume_.is_resumed) {
+    frontend_.ContinueAfter(resume_.ids);
+    positions_.PassOver(resume_.last_utime);
+  }
   EndOpenSubmap(resume_, &sender_);
   last_utime_ = resume_.last_utime;
   images_.LookForLost(is_live_ || !resume_.is_resumed ? "" : session_, options_.continues);
@@ -297,6 +320,7 @@ void FrontendRun::OnFrame(const FramePtr& frame) {
     if (!resume_.is_resumed) sender_.Append(frame->utime, started);
   }
   last_utime_ = frame->utime;
+  TellPositions(frame->utime, positions_.TakeFor(frame->index, frame->utime));
   num_unseen_ += frame->num_unseen;
   if (num_frames_ == 1) images_.PassedAll();
   const FrameOutcome outcome = frontend_.ProcessFrame(frame);
@@ -313,6 +337,14 @@ void FrontendRun::OnFrame(const FramePtr& frame) {
   }
 }
 
+void FrontendRun::TellPositions(int64_t utime, std::vector<PositionFix> fixes) {
+  constexpr size_t kAtOnce = 1000;  // a message of 80 KB
+  for (size_t i = 0; i < fixes.size(); i += kAtOnce) {
+    const auto begin = fixes.begin() + static_cast<long>(i);
+    sender_.Append(utime, PositionsRecord{{begin, begin + static_cast<long>(std::min(kAtOnce, fixes.size() - i))}});
+  }
+}
+
 void FrontendRun::Report() {
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
   health_.SetCounter("frames", NumBefore() + num_frames_);
@@ -324,6 +356,8 @@ void FrontendRun::Report() {
   health_.SetCounter("submaps", frontend_.NumSubmaps());
   health_.SetCounter("keyframes", frontend_.NumKeyframes());
   health_.SetCounter("losses", frontend_.NumLosses());
+  if (positions_.NumTold() > 0) health_.SetCounter("positions", static_cast<double>(positions_.NumTold()));
+  if (positions_.NumBad() > 0) health_.SetCounter("positions_refused", static_cast<double>(positions_.NumBad()));
   health_.SetCursor(session_, sender_.LastSeq());
   health_.SetQueueDepth(static_cast<int>(sender_.LastSeq() - sender_.AcknowledgedSeq()));
   ReportSource();
@@ -345,6 +379,7 @@ void FrontendRun::Finish() {
   const bool goes_on = resume_.is_resumed || !options_.continues.empty();
   if (num_frames_ == 0 && !cut_off && !goes_on) throw std::runtime_error(ExplainNoFrame(options_, *input_));
   frontend_.Finish(cut_off);  // who asked for it does not wait long
+  if (num_frames_ > 0 && !cut_off) TellPositions(last_utime_, positions_.TakeRest());
   if (num_frames_ > 0 || resume_.is_resumed) sender_.Append(last_utime_, SessionEnded{NumBefore() + num_frames_});
   diary_.OnEnd(NumBefore() + num_frames_, frontend_.NumTracked(), input_->Stream()->NumDropped());
   Report();

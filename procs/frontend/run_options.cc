@@ -64,6 +64,11 @@ std::string ToJson(const RunOptions& options) {
     json["image_channel"] = options.image_channel;
   if (f.wide.num_keyframes != WideFeaturesOptions().num_keyframes) json["wide_keyframes"] = f.wide.num_keyframes;
   if (!options.mask_path.empty()) json["mask"] = SessionIdFromText(ReadFile(options.mask_path));
+  if (options.gps_path == "none" || options.gps_path == "exif") {
+    json["gps"] = options.gps_path;
+  } else if (!options.gps_path.empty()) {
+    json["gps"] = SessionIdFromText(ReadFile(options.gps_path) + options.gps_origin);
+  }
   if (!options.continues.empty()) {
     json["continues"] = options.continues;
     json["first_frame"] = options.first_frame;

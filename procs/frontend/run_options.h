@@ -31,6 +31,9 @@ struct RunOptions {
   ProcessOptions process;
   std::vector<std::string> inputs;
   std::string camera_path, times_path, vocabulary_path, skip_frames, session, outbox_path, vehicle;
+  // Positions of the vehicle, see ReadPositions; "exif": from the photos; "none"; empty: from the photos or from
+  // subtitles beside the video, if they tell any.
+  std::string gps_path, gps_origin;
   std::string mask_path;                                   // see ReadMask; empty: none
   int every = 1;                                           // of a file: only each so manyth frame
   double start_s = 0;                                      // only frames from so many seconds on ...
@@ -60,8 +63,9 @@ struct RunOptions {
   ImageOptions images;
 
   // What may change the stream first, then how it is delivered. Not visited: process, inputs, camera_path, times_path,
-  // vocabulary_path, session, outbox_path, vehicle, mask_path, events_path, local_url, profile_path, mode, source,
-  // image_channel, resume, continues, first_frame: they say which flight it is, and where everything lies.
+  // vocabulary_path, session, outbox_path, vehicle, gps_path, gps_origin, mask_path, events_path, local_url,
+  // profile_path, mode, source, image_channel, resume, continues, first_frame: they say which flight it is, and where
+  // everything lies.
   template <typename Visitor>
   void Visit(Visitor& v) {
     frontend.Visit(v);

@@ -24,6 +24,7 @@ void AddDemoCommand(CLI::App* app) {
     options->camera = folder + "camera.yaml";
     options->times = folder + "times.txt";
     options->groundtruth = folder + "groundtruth.tum";
+    options->gps = folder + "exif.csv";
     options->skip_frames = "74-83";  // around the break: without them tracking cannot but be lost
     options->title = "The bundled flight: two flights over one park";
     options->overwrite = true;

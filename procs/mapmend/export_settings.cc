@@ -18,9 +18,11 @@ void ExportSettings::AddOptions(CLI::App* sub) {
   sub->add_option("--format", given_,
                   "formats to write beside TUM, PLY and COLMAP, separated by commas: " + names +
                       " (those that are there are kept up to date)");
-  sub->add_option("--frame", frame,
-                  "of everything that is written: map (the first submap's own), level (ground horizontal, z up); the "
-                  "unit is arbitrary (default: as before, else map)")
+  sub->add_option(
+         "--frame", frame,
+         "of everything that is written: map (the first submap's own), level (ground horizontal, z up), both in "
+         "an arbitrary unit; with positions enu (east, north, up from the first one, metres) or utm (default: as "
+         "before, else map)")
       ->check(CLI::IsMember(FrameNames()));
 }
 

@@ -32,6 +32,8 @@ std::vector<std::string> FrontendArguments(const RunOptions& options, const std:
   add("--source", options.source);
   add("--image-channel", options.image_channel);
   add("--times", options.times);
+  add("--gps", options.gps);
+  add("--gps-origin", options.gps_origin);
   add("--mask", options.mask);
   add("--images", options.images);
   add_number("--image-quality", options.image_quality);

@@ -19,6 +19,13 @@ void AddFlightOptions(CLI::App* sub, RunOptions* options) {
                   "calibration, in any format of data/cameras/README.md (default: camera.yaml beside INPUT)");
   sub->add_option("--times", options->times,
                   "one time per line and frame (default: times.txt beside INPUT, else the video's own times)");
+  sub->add_option(
+      "--gps", options->gps,
+      "positions of the vehicle: a table (of mapmend simulate, exiftool -csv, ...), GPX, NMEA, DJI "
+      "subtitles, geo.txt of OpenDroneMap; or exif, or none (default: of the photos, or of subtitles beside "
+      "the video, if they tell any; with --live what comes on MAPMEND_GPS)");
+  sub->add_option("--gps-origin", options->gps_origin,
+                  "LATITUDE,LONGITUDE,ALTITUDE that positions are told from as rows of time, east, north, up");
   sub->add_option("--vocabulary", options->vocabulary, "mapmend's format or DBoW2 text (default: mapmend's own)");
   sub->add_option("--skip-frames", options->skip_frames,
                   "frames to leave out, to simulate interruptions, e.g. 80-120,200-240");
@@ -118,6 +125,10 @@ void AddRunCommand(CLI::App* app) {
                   "largest difference in time of poses compared with the ground truth, seconds (default: 0.01)")
       ->check(CLI::Range(0.0, 1e6));
   options->exports.AddOptions(sub);
+  sub->add_option(
+      "--groundtruth-origin", options->groundtruth_origin,
+      "LATITUDE,LONGITUDE,ALTITUDE of a ground truth that is east, north, up (default: the one in its head, "
+      "else the first position)");
   sub->add_option("--record", options->record, "folder: lcm-logger writes mapmend.lcmlog there, for `mapmend replay`");
   sub->add_flag("--profile", options->profile,
                 "print the frontend's time per frame for each stage; also in summary.json and the report");

@@ -76,6 +76,8 @@ std::vector<std::string> GroundTruthArguments(const RunOptions& options) {
   if (!options.times.empty()) argv = {"--times", options.times};
   if (options.time_offset) argv.insert(argv.end(), {"--time-offset", std::to_string(*options.time_offset)});
   if (options.time_tolerance) argv.insert(argv.end(), {"--time-tolerance", std::to_string(*options.time_tolerance)});
+  if (!options.groundtruth_origin.empty())
+    argv.insert(argv.end(), {"--groundtruth-origin", options.groundtruth_origin});
   return argv;
 }
 

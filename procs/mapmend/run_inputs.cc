@@ -15,6 +15,7 @@
 #include "libs/geometry/camera_file.h"
 #include "libs/geometry/read_trajectory.h"
 #include "libs/image_messages/image_log.h"
+#include "libs/positioning/position_source.h"
 #include "libs/retrieval/vocabulary.h"
 #include "procs/mapmend/paths.h"
 #include "procs/mapmend/run_options.h"
@@ -112,6 +113,18 @@ void CheckLiveInput(RunInputs* inputs) {
   CheckAgainstImages(inputs, camera.width, camera.height);
 }
 
+// Positions of the vehicle: that they can be read, and a line about them.
+void CheckPositions(RunInputs* inputs) {
+  RunOptions& options = inputs->options;
+  if (!options.gps.empty() && options.gps != "exif" && options.gps != "none")
+    RequireReadableFile(options.gps, "positions");
+  const std::vector<std::string> images = options.live ? std::vector<std::string>() : ImagesOf(options.inputs);
+  const PositionSource source = PositionSource::Open(options.gps, options.gps_origin, options.inputs, images);
+  if (options.gps.empty()) options.gps = source.Path();
+  if (!source.Note().empty()) inputs->notes.push_back(source.Note());
+  if (!options.groundtruth_origin.empty()) ParseGeodetic(options.groundtruth_origin, "--groundtruth-origin");
+}
+
 // The same for a file. Notes what was found beside it.
 void CheckFileInput(RunInputs* inputs) {
   RunOptions& options = inputs->options;
@@ -191,6 +204,7 @@ RunInputs CheckRunInputs(const RunOptions& given) {
     CheckLiveInput(&inputs);
   else
     CheckFileInput(&inputs);
+  CheckPositions(&inputs);
   if (!options.live && !options.source.empty()) throw UsageError("--source needs --live");
   if (options.speed && !options.realtime) throw UsageError("--speed needs --realtime");
   if (options.max_waiting && !options.realtime && !options.live)

@@ -16,11 +16,14 @@ struct RunOptions {
   std::string camera;       // empty: camera.yaml beside the input
   std::string times;        // empty: times.txt beside the input if there is one, else the video's own times
   std::string images;       // of keyframes: full, none or a width; empty: the frontend's default
+  std::string gps;          // file of positions, "exif" or "none"; empty: of the photos, or beside the video, if any
+  std::string gps_origin;   // LATITUDE,LONGITUDE,ALTITUDE of positions that are told east, north, up; empty: none
   std::string mask;         // image or rectangles where no features may be; empty: none
   std::string out;          // empty: ./mapmend-<name of the input>
   std::string vocabulary;   // empty: mapmend's own
   std::string groundtruth;  // empty: none
   std::optional<double> time_offset, time_tolerance;  // of the ground truth, seconds; unset: 0 and the viewer's
+  std::string groundtruth_origin;                     // LATITUDE,LONGITUDE,ALTITUDE; empty: the first position
   std::string record;                                 // folder for a log of the stream; empty: none
   std::string skip_frames;                            // e.g. 80-120,200-240
   std::string session;                                // UUID; empty: made from input and options, new with append

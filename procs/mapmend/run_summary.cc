@@ -36,6 +36,20 @@ std::string Format(const char* format, Values... values) {
   return text;
 }
 
+// Where the main map lies, and how well it fits.
+std::string DescribeWorld(const Json& world) {
+  if (world.contains("problem")) return "not placed: " + world.value("problem", std::string());
+  const Json main = world.value("components", Json::array()).empty() ? Json::object() : world["components"][0];
+  if (!main.value("placed", false)) return "main map not placed: " + main.value("problem", std::string());
+  std::string text = Format("placed by %d positions, %.2f m beside them horizontally (median)",
+                            Count(main, "positions"), Number(main, "horizontal_residual_median_m"));
+  if (main.contains("groundtruth"))
+    text += Format("; %.2f m from the ground truth without alignment (RMSE, horizontally)",
+                   Number(main["groundtruth"], "horizontal_rmse_m"));
+  if (main.contains("problem")) text += "; " + main.value("problem", std::string());
+  return text;
+}
+
 }  // namespace
 
 Json ReadSummary(const std::string& out) {
@@ -126,6 +140,7 @@ std::string FormatSummaryTable(const std::string& out) {
   }
   if (summary.contains("groundtruth_problem"))
     row("accuracy", "unknown: " + summary.value("groundtruth_problem", std::string()));
+  if (summary.contains("world")) row("on earth", DescribeWorld(summary["world"]));
   if (summary.contains("max_error_of_depth")) {
     row("", Format("largest error within a submap: %.2f %% of the distance to the scene",
                    100 * Number(summary, "max_error_of_depth")));

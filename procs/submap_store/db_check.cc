@@ -108,6 +108,7 @@ std::string DescribeChannel(const std::string& channel) {
   if (channel == channels::kKeyframe) return " (keyframe)";
   if (channel == channels::kMapUpdate) return " (map update)";
   if (channel == channels::kWideFeatures) return " (wide features)";
+  if (channel == channels::kPositions) return " (positions)";
   if (channel == channels::kSubmap) return " (start or end of a submap)";
   if (channel == channels::kSession) return " (start or end of the session)";
   return "";

@@ -12,6 +12,8 @@
 #include "libs/formats/map_formats.h"
 #include "procs/viewer_export/colmap_export.h"
 #include "procs/viewer_export/edge_export.h"
+#include "procs/viewer_export/gap_export.h"
+#include "procs/viewer_export/geo_export.h"
 #include "procs/viewer_export/graph_export.h"
 #include "procs/viewer_export/level_frame.h"
 #include "procs/viewer_export/placed_map_export.h"
@@ -19,6 +21,7 @@
 #include "procs/viewer_export/report.h"
 #include "procs/viewer_export/summary.h"
 #include "procs/viewer_export/trajectory_picture.h"
+#include "procs/viewer_export/world_summary.h"
 
 namespace mapmend {
 namespace {
@@ -69,7 +72,9 @@ Trajectory InFull(Trajectory trajectory, const FrameOfReference& frame) {
   return trajectory;
 }
 
-void ChooseFrames(const std::string& name, Snapshot* snapshot) {
+// What cannot have the frame stays as it is.
+void ChooseFrames(const std::string& name, const WorldPlacement* world, Snapshot* snapshot) {
+  if (world != nullptr && (name == "enu" || name == "utm")) PlaceOnEarth(*world, name, snapshot);
   for (int c = 0; c < static_cast<int>(snapshot->components.size()); ++c) {
     if (name == "level") PlaceLevel(c, snapshot);
   }
@@ -117,6 +122,27 @@ std::vector<std::string> FormatsToWrite(const std::vector<std::string>& asked, c
       formats.push_back(format);
   }
   return formats;
+}
+
+// A file that there is only sometimes: empty removes what an earlier export left.
+void WriteOrRemove(const fs::path& path, const std::string& content) {
+  std::error_code error;
+  content.empty() ? static_cast<void>(fs::remove(path, error)) : WriteFile(path.string(), content);
+}
+
+// What only a map with a place on the earth has.
+//   world  null without
+void ExportWorld(const Snapshot& placed, const GapReport& gaps, const WorldPlacement* world, const fs::path& dir) {
+  const auto write = [&](const char* file, const auto& make) {
+    WriteOrRemove(dir / file, world == nullptr ? std::string() : make());
+  };
+  write("positions.csv", [&] { return MakePositionsCsv(placed, *world); });
+  write("path.geojson", [&] { return MakePathGeoJson(placed, *world); });
+  write("map.kml", [&] { return MakeMapKml(placed, *world, MakeGapsKmlFolder(gaps, *world)); });
+  write("gaps.geojson", [&] { return MakeGapsGeoJson(gaps, *world); });
+  write("gaps.kml", [&] { return MakeGapsKml(gaps, *world); });
+  write("gaps.plan", [&] { return MakeQgcPlan(gaps, *world); });
+  write("gaps.waypoints", [&] { return MakeWaypoints(gaps, *world); });
 }
 
 // The files that others rely on, for a flight in which tracking never started.
@@ -168,7 +194,11 @@ std::vector<std::string> ExportAll(const MapModel& model, const GroundTruth* gro
   };
   attempt([&] { PrepareDirectory(dir_name); });
   Snapshot snapshot = MakeSnapshot(model);
-  ChooseFrames(options.frame, &snapshot);
+  const std::optional<WorldPlacement> world = PlaceOnEarth(snapshot, options.placement);
+  const WorldPlacement* found = world && world->problem.empty() ? &*world : nullptr;
+  Snapshot placed = snapshot;
+  if (found != nullptr) PlaceOnEarth(*found, "enu", &placed);
+  ChooseFrames(options.frame, found, &snapshot);
   EvaluatedMap evaluated;
   evaluated.ground_truth = ground_truth;
   if (ground_truth != nullptr) evaluated.evaluation = EvaluateMap(snapshot, *ground_truth);
@@ -189,11 +219,18 @@ std::vector<std::string> ExportAll(const MapModel& model, const GroundTruth* gro
   RemoveStale(dir / "components", others);
   attempt([&] { ExportSubmaps(snapshot, dir / "submaps"); });
   attempt([&] { ExportEdgePictures(snapshot, options.pictures, (dir / "edges").string()); });
+  const GapReport gaps = FindGaps(placed, found, options.coverage);
+  attempt([&] { ExportWorld(placed, gaps, found, dir); });
+  attempt([&] { WriteOrRemove(dir / "gaps.svg", MakeGapsSvg(placed, gaps)); });
   attempt([&] { WriteFile((dir / "graph.dot").string(), MakeGraphDot(snapshot)); });
   attempt([&] { WriteFile((dir / "graph.svg").string(), MakeGraphSvg(snapshot)); });
   attempt([&] {
-    WriteFile((dir / "summary.json").string(),
-              MakeSummaryJson(snapshot, ground_truth != nullptr ? &evaluated.evaluation : nullptr, ground_truth));
+    SummaryParts parts;
+    if (world) parts.world = MakeWorldJson(placed, *world, {ground_truth, options.ground_truth_origin});
+    parts.gaps = MakeGapsJson(gaps);
+    WriteFile(
+        (dir / "summary.json").string(),
+        MakeSummaryJson(snapshot, ground_truth != nullptr ? &evaluated.evaluation : nullptr, ground_truth, parts));
   });
   attempt([&] { RebuildReport(dir_name); });
   return problems;
@@ -208,8 +245,10 @@ void RebuildReport(const std::string& dir_name) {
        folder = dir / "components" / std::to_string(pictures.size())) {
     pictures.push_back(ReadFile((folder / "trajectory.svg").string()));
   }
+  const fs::path gaps = dir / "gaps.svg";
   WriteFile((dir / "report.html").string(), MakeReport(summary, ReadFile((dir / "graph.svg").string()), pictures,
-                                                       ReadEdgePictures((dir / "edges").string())));
+                                                       ReadEdgePictures((dir / "edges").string()),
+                                                       fs::exists(gaps, error) ? ReadFile(gaps.string()) : ""));
 }
 
 }  // namespace mapmend

@@ -26,20 +26,23 @@ std::string DescribeHole(const MapHole& hole) {
   return std::string(text, static_cast<size_t>(size)) + ")";
 }
 
-}  // namespace
-
-std::vector<MapHole> FindHoles(const Snapshot& snapshot) {
+// What is missing among the first components.
+std::vector<MapHole> FindAmong(const Snapshot& snapshot, size_t num_components) {
   std::vector<MapHole> holes;
   if (snapshot.components.empty()) return holes;
   const std::vector<std::string>& sessions = snapshot.model->SessionOrder();
   for (int s = 0; s < static_cast<int>(sessions.size()); ++s) {
     const Session& session = snapshot.model->GetSession(sessions[s]);
     std::vector<MergedFrame> frames;
-    for (const MergedFrame& frame : snapshot.components[0].frames) {
-      if (frame.session == s) frames.push_back(frame);
+    for (size_t c = 0; c < num_components; ++c) {
+      for (const MergedFrame& frame : snapshot.components[c].frames) {
+        if (frame.session == s) frames.push_back(frame);
+      }
     }
     if (frames.size() < 2) continue;  // a flight that is not in the main map at all is no hole in it
     std::sort(frames.begin(), frames.end(), [](const auto& a, const auto& b) { return a.frame < b.frame; });
+    const auto is_same = [](const auto& a, const auto& b) { return a.frame == b.frame; };
+    frames.erase(std::unique(frames.begin(), frames.end(), is_same), frames.end());
     // Where only every so manyth frame was mapped, those in between are not lacking.
     int step = std::numeric_limits<int>::max();
     for (size_t i = 1; i < frames.size(); ++i) step = std::min(step, frames[i].frame - frames[i - 1].frame);
@@ -56,6 +59,14 @@ std::vector<MapHole> FindHoles(const Snapshot& snapshot) {
       holes.push_back({s, frames.back().frame + step, -1, 0, end - frames.back().utime});
   }
   return holes;
+}
+
+}  // namespace
+
+std::vector<MapHole> FindHoles(const Snapshot& snapshot) { return FindAmong(snapshot, 1); }
+
+std::vector<MapHole> FindHolesOfAll(const Snapshot& snapshot) {
+  return FindAmong(snapshot, snapshot.components.size());
 }
 
 std::string DescribeHoles(const std::vector<MapHole>& holes) {

@@ -21,6 +21,9 @@ struct MapHole {
 // In the order of sessions and frames.
 std::vector<MapHole> FindHoles(const Snapshot& snapshot);
 
+// The same for frames that no component has.
+std::vector<MapHole> FindHolesOfAll(const Snapshot& snapshot);
+
 // "no holes", "1 hole: frames 74 to 83 (10 frames, 66 s)", "3 holes; the longest: ...".
 std::string DescribeHoles(const std::vector<MapHole>& holes);
 

@@ -152,12 +152,13 @@ void LiveInputs::OnHealth(const Health& health) {
 }
 
 std::string MakeLiveState(const MapModel& model, const LiveInputs& inputs, const GroundTruth* ground_truth,
-                          bool exported) {
+                          bool exported, const std::string& gaps_svg) {
   const Snapshot snapshot = MakeSnapshot(model);
   Json json;
   AddHeadline(snapshot, inputs, &json);
   json["figures"] = Figures(snapshot);
   json["pictures"] = Pictures(snapshot, inputs, ground_truth);
+  if (!gaps_svg.empty()) json["pictures"].push_back(gaps_svg);
   json["graph"] = MakeGraphSvg(snapshot);
   json["restoration"] = Restorations(snapshot);
   json["processes"] = Processes(inputs);

@@ -34,7 +34,8 @@ class LiveInputs {
 // (SVG), restoration[] {frame, event, L1, L2}, processes[] {name, state, message, age_s, cpu_s, rss_mb, note}, report
 // (bool)}.
 //   exported  the exports of this very map have been written
+//   gaps_svg  what is to be flown again, drawn last; empty: nothing is drawn
 std::string MakeLiveState(const MapModel& model, const LiveInputs& inputs, const GroundTruth* ground_truth,
-                          bool exported);
+                          bool exported, const std::string& gaps_svg = "");
 
 }  // namespace mapmend

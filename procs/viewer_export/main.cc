@@ -25,7 +25,7 @@ int Main(int argc, char** argv) {
   ViewerOptions options;
   std::vector<std::string> formats;
   double time_offset_s = 0, time_tolerance_s = 0;
-  std::string ground_truth, times, report, bind = "127.0.0.1";
+  std::string ground_truth, times, report, bind = "127.0.0.1", truth_origin;
   std::string picture = "edge.png";
   std::vector<std::string> edge;
   int port = 0;
@@ -41,6 +41,8 @@ int Main(int argc, char** argv) {
   auto* tolerance =
       app.add_option("--time-tolerance", time_tolerance_s, "largest difference in time of poses compared, seconds")
           ->check(CLI::Range(0.0, 1e6));
+  app.add_option("--groundtruth-origin", truth_origin,
+                 "LATITUDE,LONGITUDE,ALTITUDE of a ground truth that is east, north, up (default: the first position)");
   app.add_option("--port", port, "TCP port of the live page, 0 for none")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
@@ -68,6 +70,11 @@ int Main(int argc, char** argv) {
   if (tolerance->count() > 0) options.evaluation.tolerance_us = std::llround(time_tolerance_s * 1e6);
   options.exports.formats = ParseFormats(formats);
   RequireGoodOptions(OptionList::Of(options));
+  if (!truth_origin.empty()) {
+    options.exports.ground_truth_origin = ParseGeodetic(truth_origin, "--groundtruth-origin");
+  } else if (!ground_truth.empty()) {
+    options.exports.ground_truth_origin = FindOrigin(ground_truth);
+  }
   // What can be wrong with the arguments shows before anything is connected.
   if (!ground_truth.empty()) {
     options.ground_truth = GroundTruth{ground_truth, ReadGroundTruth(ground_truth, times, time_offset_s).poses, {}};

@@ -12,6 +12,7 @@
 
 #include "libs/drawing/canvas.h"
 #include "libs/drawing/svg_canvas.h"
+#include "procs/viewer_export/report_world.h"
 
 namespace mapmend {
 namespace {
@@ -398,7 +399,7 @@ std::string Head(const Json& s) {
 
 std::string MakeReport(const std::string& summary_json, const std::string& graph_svg,
                        const std::vector<std::string>& trajectory_svgs,
-                       const std::map<std::pair<int, int>, std::string>& edge_pictures) {
+                       const std::map<std::pair<int, int>, std::string>& edge_pictures, const std::string& gaps_svg) {
   try {
     const Json s = Json::parse(summary_json);
     std::string html =
@@ -408,7 +409,7 @@ std::string MakeReport(const std::string& summary_json, const std::string& graph
     html += kReportStyle;
     html += "</style></head>\n<body><main>\n" + Head(s) + Banner(s) + Figures(s) + GroundTruthProblem(s);
     for (const std::string& svg : trajectory_svgs) html += "<div class=\"picture\">" + svg + "</div>\n";
-    html += WhyApart(s);
+    html += WhyApart(s) + WorldSection(s) + GapSection(s, gaps_svg);
     html += "<div class=\"picture\">" + graph_svg + "</div>\n";
     html += RestorationRows(s) + ConnectionTable(s) + EdgePictures(s, edge_pictures) + LoopTable(s) + SubmapTable(s) +
             ProcessTable(s) + ProfileTable(s);

@@ -178,8 +178,8 @@ Json Restorations(const Snapshot& snapshot) {
 
 }  // namespace
 
-std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evaluation,
-                            const GroundTruth* ground_truth) {
+std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evaluation, const GroundTruth* ground_truth,
+                            const SummaryParts& parts) {
   std::vector<size_t> num_points;
   for (size_t c = 0; c < snapshot.components.size(); ++c) {
     num_points.push_back(ComponentPoints(snapshot, static_cast<int>(c)).size());
@@ -226,6 +226,8 @@ std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evalu
     for (const DepthShare& share : evaluation->depth_shares) largest = std::max(largest, share.largest);
     if (largest > 0) json["max_error_of_depth"] = largest;
   }
+  if (!parts.world.empty()) json["world"] = Json::parse(parts.world);
+  if (!parts.gaps.empty()) json["gaps"] = Json::parse(parts.gaps);
   json["sessions"] = Sessions(snapshot);
   json["submaps"] = Submaps(snapshot, evaluation);
   json["components"] = Components(snapshot, evaluation, num_points);

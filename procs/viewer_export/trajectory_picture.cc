@@ -33,7 +33,7 @@ std::string MakeTrajectorySvg(const Snapshot& snapshot, int component_index, con
   TopView view;
   view.title = component_index == 0 ? "The map from above" : "Part " + std::to_string(component_index) + " from above";
   view.subtitle = Subtitle(snapshot, component, evaluation);
-  view.unit = aligned ? "m" : "map units";
+  view.unit = aligned ? "m" : component.frame.unit;
   if (aligned) {
     TopViewTrack truth;
     truth.label = "ground truth";

@@ -18,6 +18,7 @@
 #include "libs/wire/stream_codec.h"
 #include "libs/wire/stream_consumer.h"
 #include "procs/viewer_export/exporter.h"
+#include "procs/viewer_export/gap_export.h"
 #include "procs/viewer_export/live_server.h"
 #include "procs/viewer_export/live_state.h"
 #include "procs/viewer_export/picture_store.h"
@@ -65,6 +66,7 @@ struct Viewer::Impl {
   void UpdateLivePage();
   // What `mapmend status` shows of the merging process.
   const std::string& Stacks();
+  void UpdateGaps();
   const GroundTruth* TruthOrNull() const { return options.ground_truth ? &*options.ground_truth : nullptr; }
 
   const ViewerOptions options;
@@ -82,7 +84,9 @@ struct Viewer::Impl {
   std::optional<ImageStatus> images;  // as of the last answer; none before it
   int exported_images = -1;           // that were stored when the map was last exported
   Clock::time_point images_changed_at;
-  Clock::time_point next_ask, next_live, next_stacks, next_images;
+  Clock::time_point next_ask, next_live, next_stacks, next_images, next_gaps;
+  std::string gaps_svg;       // for the live page
+  int64_t gaps_version = -1;  // of the model it was made from
   std::string stacks;
   int64_t stacks_version = -1;  // of the model, when they were worked out
   std::vector<Subscription> subscriptions;
@@ -209,8 +213,25 @@ const std::string& Viewer::Impl::Stacks() {
 
 void Viewer::Impl::UpdateLivePage() {
   if (server == nullptr || Clock::now() < next_live || !server->WantsState()) return;
-  server->SetState(MakeLiveState(model, live, TruthOrNull(), exported_version == model.Version()));
+  UpdateGaps();
+  server->SetState(MakeLiveState(model, live, TruthOrNull(), exported_version == model.Version(), gaps_svg));
   next_live = Clock::now() + kLiveInterval;
+}
+
+// Takes longer the larger the map is, so it is done less often then; what the flight itself needs goes first.
+void Viewer::Impl::UpdateGaps() {
+  constexpr auto kInterval = std::chrono::seconds(2);
+  constexpr int kShare = 10;
+  const auto begin = Clock::now();
+  if (begin < next_gaps || gaps_version == model.Version()) return;
+  Snapshot snapshot = MakeSnapshot(model);
+  const std::optional<WorldPlacement> world = PlaceOnEarth(snapshot, options.exports.placement);
+  const bool is_placed = world && world->problem.empty();
+  if (is_placed) PlaceOnEarth(*world, "enu", &snapshot);
+  gaps_svg = MakeGapsSvg(snapshot, FindGaps(snapshot, is_placed ? &*world : nullptr, options.exports.coverage));
+  gaps_version = model.Version();
+  const auto end = Clock::now();
+  next_gaps = end + std::max<Clock::duration>(kInterval, kShare * (end - begin));
 }
 
 Viewer::Viewer(const ViewerOptions& options, std::unique_ptr<LiveServer> server, Bus* bus)

@@ -17,10 +17,12 @@ struct ViewerOptions {
   EvaluationOptions evaluation;             // how
   ExportOptions exports;                    // into out
 
-  // Not visited: out, ground_truth, exports: of one run.
+  // Not visited: out, ground_truth, exports: of one run, but for what stands below.
   template <typename Visitor>
   void Visit(Visitor& v) {
     v("evaluation", evaluation);
+    v("placement", exports.placement);
+    v("coverage", exports.coverage);
   }
 };
 

@@ -32,6 +32,7 @@ ARGUMENTS = {
     "procs/submap_store/image_store.h": {"ImageStoreOptions"},
     "procs/viewer_export/connection_picture.h": {"ConnectionPictureOptions"},
     "procs/viewer_export/trajectory_picture.h": {"TrajectoryPictureOptions"},
+    "procs/viewer_export/world_summary.h": {"WorldSummaryOptions"},
 }
 STRUCT = re.compile(r"^(?P<indent> *)struct (?P<name>\w*Options) \{\n(?P<body>.*?)^(?P=indent)\};", re.M | re.S)
 MEMBER = re.compile(r"^ *(?!using |static |return |friend )[\w:]+(?:<[^;=]*>)? (?P<names>\w+(?: = [^;]*?)?(?:, \w+(?: = [^;]*?)?)*);", re.M)

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "libs/base/text_format.h"
 #include "libs/base/write_file.h"
 #include "tools/simulate/frame_writer.h"
 #include "tools/simulate/parallel.h"
@@ -176,7 +177,9 @@ bool WriteRun(Simulator* simulator, int first, int last, const std::string& dir,
   WriteFile(dir + "/times.txt", times);
   WriteFile(dir + "/camera.yaml", FormatCamera(s));
   WriteTrajectory(dir + "/groundtruth.tum", truth,
-                  "t tx ty tz qx qy qz qw, world_from_camera, metres, east north up; exact (mapmend simulate)");
+                  Format("t tx ty tz qx qy qz qw, world_from_camera, metres, east north up; exact (mapmend simulate); "
+                         "origin: %.9f %.9f %.3f",
+                         s.output.gps_origin_lat, s.output.gps_origin_lon, s.output.gps_origin_alt));
   WriteFile(dir + "/gps.csv", FormatGps(*simulator, first, last));
   WriteFile(dir + "/events.json", FormatEvents(*simulator, first, last));
   WriteFile(dir + "/terrain.ply", FormatTerrain(*simulator));

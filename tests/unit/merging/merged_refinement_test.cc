@@ -110,6 +110,78 @@ TEST(MergedRefinement, MendsDriftAndScaleBetweenSubmaps) {
   }
 }
 
+// Positions of every keyframe with noise, a few of them wrong.
+FlightPositions PositionsOf(const DriftingSurvey& survey, double noise) {
+  FlightPositions positions;
+  const LocalFrame frame({47, 8, 400});
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal(0, noise);
+  for (const SubmapView& view : survey.views) {
+    for (const auto& [id, keyframe] : view.submap->keyframes) {
+      Eigen::Vector3d enu = survey.world_from_keyframe[id.value].translation;
+      for (int i = 0; i < 3; ++i) enu[i] += normal(random);
+      if (id.value % 11 == 5) enu.x() += 40;
+      const Geodetic place = frame.ToGeodetic(enu);
+      PositionFix fix;
+      fix.utime = keyframe.utime;
+      fix.latitude_deg = place.latitude_deg;
+      fix.longitude_deg = place.longitude_deg;
+      fix.altitude_m = place.altitude_m;
+      positions[view.flight].push_back(fix);
+    }
+  }
+  return positions;
+}
+
+// Out, across and back, without any overlap that would tell of the drift.
+std::unique_ptr<DriftingSurvey> MakeOpenLoop() {
+  auto survey = std::make_unique<DriftingSurvey>();
+  std::mt19937_64 random(22);
+  FlightOptions options;
+  options.scale_drift = 0.003;
+  options.angle_drift_deg = 0.15;
+  options.pixel_noise = 1;
+  SyntheticFlight flight("s", 0, Terrain(), options);
+  std::vector<Rigid3> poses = Strip({40, 50}, {350, 50}, 100, 26, 90, &random);
+  for (const auto& leg :
+       {Strip({350, 62}, {350, 338}, 100, 24, 0, &random), Strip({350, 350}, {40, 350}, 100, 26, 270, &random)})
+    poses.insert(poses.end(), leg.begin(), leg.end());
+  flight.AddSubmap(poses, Similarity3(0.02, Eigen::Quaterniond(0.3, -0.4, 0.5, 0.7).normalized(), {1, 2, 3}));
+  survey->session = flight.Model();
+  survey->world_from_keyframe = flight.world_from_keyframe();
+  for (const auto& [id, submap] : survey->session.submaps)
+    survey->views.push_back({&submap, survey->session.info.pinhole, survey->session.info.pyramid});
+  return survey;
+}
+
+TEST(MergedRefinement, PositionsStraightenWhatNoOverlapDoes) {
+  const auto survey = MakeOpenLoop();
+  const std::vector<SubmapView>& one = survey->views;
+  const MergedRefinementResult without = RefineMergedMap(one, {Similarity3()}, {}, {});
+  std::vector<std::string> told;
+  const MergedRefinementResult with = RefineMergedMap(
+      one, {Similarity3()}, {}, {}, [&](const std::string& what) { told.push_back(what); }, {},
+      PositionsOf(*survey, 0.5));
+  ASSERT_TRUE(with.summary.success) << with.summary.reason;
+  const double error_without = CenterError(without.map, survey->world_from_keyframe),
+               error_with = CenterError(with.map, survey->world_from_keyframe);
+  RecordProperty("without_mm", static_cast<int>(1000 * error_without));
+  RecordProperty("with_mm", static_cast<int>(1000 * error_with));
+  EXPECT_LT(error_with, 0.6 * error_without);
+  EXPECT_LT(error_with, 0.5);
+  EXPECT_LT(with.summary.after.median_px, 1.02 * without.summary.after.median_px);
+  EXPECT_TRUE(std::any_of(told.begin(), told.end(), [](const auto& t) { return t.find("have positions") != t.npos; }));
+  // The frame is still that of the root submap.
+  EXPECT_EQ(ToArray(with.root_from_submap[0]), ToArray(Similarity3()));
+  // Switched off they change no bit.
+  MergedRefinementOptions off;
+  off.positions.use = false;
+  const MergedRefinementResult unused =
+      RefineMergedMap(one, {Similarity3()}, {}, off, {}, {}, PositionsOf(*survey, 0.3));
+  for (size_t k = 0; k < unused.map.keyframes.size(); ++k)
+    EXPECT_EQ(ToArray(unused.map.keyframes[k].cam_from_root), ToArray(without.map.keyframes[k].cam_from_root));
+}
+
 TEST(MergedRefinement, ALargeMapIsStraightenedByItsOverlapsAndAdjustedAtItsSeams) {
   const auto survey = MakeDriftingSurvey();
   const double before = CenterError(MakeMergedMap(survey->views, survey->tree), survey->world_from_keyframe);

@@ -123,6 +123,19 @@ TEST_F(SubmapTest, WideFeaturesMayFollowTheEndOfTheirSubmap) {
   EXPECT_NE(TryApply(wide), "");
 }
 
+TEST_F(SubmapTest, PositionsBelongToTheSession) {
+  PositionFix fix;
+  fix.latitude_deg = 50;
+  fix.longitude_deg = 8;
+  Apply(PositionsRecord{{fix}});
+  Apply(SubmapEnded{SubmapId(0), "end_of_input", "", 10, 10});
+  Apply(PositionsRecord{{fix, fix}});
+  EXPECT_EQ(session_.positions.size(), 3u);
+  fix.latitude_deg = 100;
+  EXPECT_NE(TryApply(PositionsRecord{{fix}}), "");
+  EXPECT_EQ(session_.positions.size(), 3u);
+}
+
 TEST_F(SubmapTest, KnowsWhatKeyframesShareWithoutItsObservations) {
   Apply(SubmapEnded{SubmapId(0), "end", "", 3, 0});
   Submap forgetful = Map();

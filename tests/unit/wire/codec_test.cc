@@ -172,6 +172,39 @@ TEST(Codec, WideFeaturesComeBackAsTheyWere) {
   EXPECT_EQ(EncodeRecord(*decoded.record).data, encoded.data);
 }
 
+TEST(Codec, PositionsComeBackAsTheyWere) {
+  PositionsRecord body;
+  PositionFix told;
+  told.utime = 1525003606000000;
+  told.latitude_deg = 28.0412532222222;
+  told.longitude_deg = -82.6984742222222;
+  told.altitude_m = -5.677;
+  told.sigma_horizontal_m = 1.5;
+  told.yaw_deg = 92.5;
+  PositionFix bare;
+  bare.latitude_deg = 1;
+  body.fixes = {told, bare};
+  const EncodedRecord encoded = EncodeRecord({{"flight", 5, 123456}, body});
+  EXPECT_EQ(encoded.channel, channels::kPositions);
+  EXPECT_TRUE(IsRecordChannel(encoded.channel));
+  const DecodedRecord decoded = DecodeRecord(encoded);
+  ASSERT_TRUE(decoded.record) << decoded.error;
+  const auto& fixes = std::get<PositionsRecord>(decoded.record->body).fixes;
+  ASSERT_EQ(fixes.size(), 2u);
+  EXPECT_EQ(fixes[0].utime, told.utime);
+  EXPECT_EQ(fixes[0].latitude_deg, told.latitude_deg);
+  EXPECT_EQ(fixes[0].altitude_m, told.altitude_m);
+  EXPECT_EQ(fixes[0].sigma_horizontal_m, 1.5);
+  EXPECT_FALSE(fixes[0].HasAngles());
+  EXPECT_FALSE(fixes[1].HasAltitude());
+  EXPECT_EQ(EncodeRecord(*decoded.record).data, encoded.data);
+  // What cannot be a position is refused.
+  for (const double latitude : {95.0, std::numeric_limits<double>::quiet_NaN()}) {
+    body.fixes[1].latitude_deg = latitude;
+    EXPECT_FALSE(DecodeRecord(EncodeRecord({{"flight", 5, 123456}, body})).record);
+  }
+}
+
 TEST(Codec, RefusesWideFeaturesThatNoFrontendSends) {
   const EncodedRecord sound = EncodeRecord(WideRecord());
   const auto error = [&](const std::function<void(wide_features_t*)>& change) {
