@@ -42,8 +42,9 @@ MapModel MakePlacedModel(const TestFlight& flight, int num_frames, int64_t clock
   for (Record record : flight.Records()) {
     record.header.seq = seq++;
     EXPECT_EQ(model.Apply(record), "");
-    if (record.header.seq == 0)
-      EXPECT_EQ(model.Apply({{record.header.session, seq++, record.header.utime}, positions}), "");
+    if (record.header.seq > 0) continue;
+    const Record told{{record.header.session, seq++, record.header.utime}, positions};
+    EXPECT_EQ(model.Apply(told), "");
   }
   return model;
 }
