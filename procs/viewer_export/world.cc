@@ -79,9 +79,13 @@ void PlaceOnEarth(const WorldPlacement& world, const std::string& name, Snapshot
   frame.unit = "m";
   frame.is_z_up = true;
   frame.epsg = on_grid ? utm.Epsg() : 0;
-  frame.note = on_grid ? "easting, northing, height as told; " + utm.Name() + ", EPSG:" + std::to_string(utm.Epsg())
-                       : Format("east, north, up; origin: %.9f %.9f %.3f", origin.latitude_deg, origin.longitude_deg,
-                                origin.altitude_m);
+  if (on_grid) {
+    const std::string zone = utm.Name();
+    frame.note = Format("easting, northing, height as told; %s, EPSG:%d", zone.c_str(), utm.Epsg());
+  } else {
+    frame.note =
+        Format("east, north, up; origin: %.9f %.9f %.3f", origin.latitude_deg, origin.longitude_deg, origin.altitude_m);
+  }
   Similarity3 frame_from_enu;
   if (on_grid) {
     frame.origin = utm.FromGeodetic(origin);
