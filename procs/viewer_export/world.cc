@@ -76,7 +76,7 @@ void PlaceOnEarth(const WorldPlacement& world, const std::string& name, Snapshot
   const UtmFrame utm(origin);
   FrameOfReference frame;
   frame.name = name;
-  frame.unit = "m";
+  frame.unit.assign(1, 'm');  // GCC 12 warns falsely of what assigns the literal
   frame.is_z_up = true;
   frame.epsg = on_grid ? utm.Epsg() : 0;
   if (on_grid) {
