@@ -60,7 +60,8 @@ void RemoveStale(const fs::path& dir, const std::vector<int>& keep) {
 }
 
 std::string Describe(const Snapshot& snapshot, int component) {
-  const FrameOfReference& frame = snapshot.components[component].frame;
+  FrameOfReference frame = snapshot.components[component].frame;
+  frame.origin.setZero();  // they are written in full
   const SnapshotSubmap& root = snapshot.submaps[snapshot.components[component].root];
   return "t tx ty tz qx qy qz qw, world_from_camera; world: " +
          (frame.name == "map" ? "the frame and unit of submap " + std::to_string(root.number) : Describe(frame));

@@ -81,7 +81,7 @@ void PlaceOnEarth(const WorldPlacement& world, const std::string& name, Snapshot
   frame.epsg = on_grid ? utm.Epsg() : 0;
   if (on_grid) {
     const std::string zone = utm.Name();
-    frame.note = Format("easting, northing, height as told; %s, EPSG:%d", zone.c_str(), utm.Epsg());
+    frame.note = Format("easting, northing, height as told, in %s", zone.c_str());
   } else {
     frame.note =
         Format("east, north, up; origin: %.9f %.9f %.3f", origin.latitude_deg, origin.longitude_deg, origin.altitude_m);
