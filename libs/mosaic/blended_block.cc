@@ -46,8 +46,8 @@ cv::Mat BlendedBlock::Smooth(const cv::Mat& values) const {
   return smooth;
 }
 
-void BlendedBlock::Add(const RectifiedPatch& patch, int image, const Exposure& exposure) {
-  cv::Mat seen = patch.quality > 0;
+void BlendedBlock::Add(const RectifiedPatch& patch, const cv::Rect& at, int image, const Exposure& exposure) {
+  const cv::Mat seen = patch.quality > 0;
   cv::Mat color = Evened(patch, image, exposure);
   color.setTo(cv::Scalar::all(0), ~seen);
   cv::Mat share;
@@ -56,12 +56,12 @@ void BlendedBlock::Add(const RectifiedPatch& patch, int image, const Exposure& e
   cv::divide(Smooth(color), ThreeChannels(cv::max(Smooth(share), 1e-6F)), coarse);
   const cv::Mat q2 = patch.quality.mul(patch.quality);
   const cv::Mat weight = q2.mul(q2);
-  coarse_ += coarse.mul(ThreeChannels(weight));
-  weight_ += weight;
-  const cv::Mat better = patch.quality > best_;
-  cv::Mat fine = color - coarse;
-  fine.copyTo(fine_, better);
-  patch.quality.copyTo(best_, better);
+  cv::Mat sum = coarse_(at), weights = weight_(at), fine = fine_(at), best = best_(at);
+  sum += coarse.mul(ThreeChannels(weight));
+  weights += weight;
+  const cv::Mat better = patch.quality > best;
+  cv::subtract(color, coarse, fine, better);
+  patch.quality.copyTo(best, better);
 }
 
 void BlendedBlock::Finish(cv::Mat* color, cv::Mat* mask) const {

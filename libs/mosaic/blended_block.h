@@ -14,8 +14,9 @@ class BlendedBlock {
  public:
   BlendedBlock(const cv::Size& size, double blend_px);
 
-  // image: its index in the exposure.
-  void Add(const RectifiedPatch& patch, int image, const Exposure& exposure);
+  //   at     where the patch lies in the block
+  //   image  its index in the exposure
+  void Add(const RectifiedPatch& patch, const cv::Rect& at, int image, const Exposure& exposure);
   //   color  8 bits, 3 channels
   //   mask   8 bits, 255 where any image shows the ground
   void Finish(cv::Mat* color, cv::Mat* mask) const;

@@ -38,6 +38,16 @@ GroundBounds BoundsOf(const std::vector<Eigen::Vector2d>& places) {
   return bounds;
 }
 
+// Pixels of the raster, all around a few more.
+cv::Rect PixelsOf(const GroundBounds& bounds, const GroundRaster& raster) {
+  const Eigen::Vector2d low = raster.Pixel({bounds.low.x(), bounds.high.y()}),
+                        high = raster.Pixel({bounds.high.x(), bounds.low.y()});
+  constexpr int kMore = 8;
+  const cv::Point first(static_cast<int>(std::floor(low.x())) - kMore, static_cast<int>(std::floor(low.y())) - kMore);
+  const cv::Point last(static_cast<int>(std::ceil(high.x())) + kMore, static_cast<int>(std::ceil(high.y())) + kMore);
+  return {first, last};
+}
+
 }  // namespace
 
 // Decoded images, in the size in which they are used, at most so much memory of them.
@@ -217,8 +227,10 @@ void Mosaic::MakeBlock(const cv::Rect& block, Cache* cache, const WriteMosaicBlo
   for (const int i : ImagesOf(part)) {
     const cv::Mat& image = cache->Get(i);
     if (image.empty()) continue;
+    const cv::Rect seen = PixelsOf(footprints_[i], raster_) & part;
+    if (seen.empty()) continue;
     any = true;
-    blended.Add(Rectify(image, views_[i], surface_, raster_, part), i, exposure_);
+    blended.Add(Rectify(image, views_[i], surface_, raster_, seen), seen - part.tl(), i, exposure_);
   }
   if (!any) return;
   cv::Mat color, mask;

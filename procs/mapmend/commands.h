@@ -17,6 +17,7 @@ struct RunOptions;
 void AddEvalCommand(CLI::App* app);
 void AddEdgesCommand(CLI::App* app);
 void AddExportCommand(CLI::App* app);
+void AddMosaicCommand(CLI::App* app);
 void AddMergeCommand(CLI::App* app);
 void AddCalibrateCommand(CLI::App* app);
 void AddForwardCommands(CLI::App* app);

@@ -27,6 +27,7 @@ int main(int argc, char** argv) {
   mapmend::AddStatusCommand(&app);
   mapmend::AddCloseCommand(&app);
   mapmend::AddExportCommand(&app);
+  mapmend::AddMosaicCommand(&app);
   mapmend::AddMergeCommand(&app);
   mapmend::AddCalibrateCommand(&app);
   mapmend::AddEdgesCommand(&app);

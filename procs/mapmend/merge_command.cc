@@ -1,12 +1,16 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
 
+#include "libs/base/text_format.h"
 #include "libs/bus/process.h"
 #include "procs/mapmend/commands.h"
 #include "procs/mapmend/map_file.h"
 #include "procs/mapmend/progress.h"
 #include "procs/mapmend/run_flight.h"
+#include "procs/mapmend/run_summary.h"
 
 namespace mapmend {
 namespace {
@@ -58,6 +62,37 @@ void AddExportCommand(CLI::App* app) {
     if (options->out.empty()) options->out = options->place.folder;
     if (options->out.empty()) throw std::runtime_error("give the folder for the results with --out");
     Work(*options, "");
+  });
+}
+
+void AddMosaicCommand(CLI::App* app) {
+  CLI::App* sub = app->add_subcommand(
+      "mosaic", "Make the picture of the ground again, finer, coarser or of a part, from the images of a map");
+  const auto options = std::make_shared<MapFileOptions>();
+  const auto map = std::make_shared<std::string>();
+  AddCommonOptions(sub, map.get(), options.get());
+  sub->add_option("--out", options->out, "folder of the results (default: MAP, if that is a folder)");
+  sub->add_option_function<double>(
+         "--gsd", [options](double gsd) { options->settings.Set(Format("viewer_export.mosaic.gsd=%.9g", gsd)); },
+         "size of a pixel on the ground, metres, or map units without positions (default: that of the images)")
+      ->check(CLI::PositiveNumber);
+  sub->add_option_function<std::string>(
+      "--bounds",
+      [options](const std::string& bounds) { options->settings.Set("viewer_export.mosaic.bounds=" + bounds); },
+      "only this part: WEST,SOUTH,EAST,NORTH in the coordinates of mosaic.tif");
+  sub->callback([options, map] {
+    options->settings.Resolve();
+    options->place = FindMap(*map);
+    if (options->out.empty()) options->out = options->place.folder;
+    if (options->out.empty()) throw std::runtime_error("give the folder for the results with --out");
+    Work(*options, "");
+    const nlohmann::ordered_json summary = ReadSummary(options->out);
+    const nlohmann::ordered_json mosaic = summary.value("mosaic", nlohmann::ordered_json::object());
+    if (const std::string problem = mosaic.value("problem", ""); !problem.empty())
+      throw std::runtime_error("no picture of the ground: " + problem);
+    std::printf("%s/mosaic.tif: %d x %d pixels of %.4g %s, %d images\n", options->out.c_str(), mosaic.value("width", 0),
+                mosaic.value("height", 0), mosaic.value("gsd", 0.0), mosaic.value("unit", "").c_str(),
+                mosaic.value("images", 0));
   });
 }
 

@@ -16,6 +16,7 @@
 #include "procs/viewer_export/geo_export.h"
 #include "procs/viewer_export/graph_export.h"
 #include "procs/viewer_export/level_frame.h"
+#include "procs/viewer_export/mosaic_export.h"
 #include "procs/viewer_export/placed_map_export.h"
 #include "procs/viewer_export/ply_export.h"
 #include "procs/viewer_export/report.h"
@@ -52,6 +53,7 @@ void RemoveStale(const fs::path& dir, const std::vector<int>& keep) {
   }
   for (const fs::path& path : stale) {
     fs::remove(path / "trajectory.svg", error);
+    for (const std::string& file : MosaicFiles()) fs::remove(path / file, error);
     for (const MapFormat& format : MapFormats()) {
       for (const std::string& file : format.files) fs::remove(path / file, error);
     }
@@ -60,8 +62,7 @@ void RemoveStale(const fs::path& dir, const std::vector<int>& keep) {
 }
 
 std::string Describe(const Snapshot& snapshot, int component) {
-  FrameOfReference frame = snapshot.components[component].frame;
-  frame.origin.setZero();  // they are written in full
+  const FrameOfReference& frame = snapshot.components[component].frame;
   const SnapshotSubmap& root = snapshot.submaps[snapshot.components[component].root];
   return "t tx ty tz qx qy qz qw, world_from_camera; world: " +
          (frame.name == "map" ? "the frame and unit of submap " + std::to_string(root.number) : Describe(frame));
@@ -146,12 +147,30 @@ void ExportWorld(const Snapshot& placed, const GapReport& gaps, const WorldPlace
   write("gaps.waypoints", [&] { return MakeWaypoints(gaps, *world); });
 }
 
+// The picture of the ground of each component, on the earth if its place is known. Returns what summary.json says of
+// the main one.
+std::string ExportMosaics(const MapModel& model, const WorldPlacement* world, const ExportOptions& options,
+                          const fs::path& dir) {
+  if (!options.mosaic.enabled || !options.pictures.image) return "";
+  Snapshot snapshot = MakeSnapshot(model);
+  if (world != nullptr) PlaceOnEarth(*world, "utm", &snapshot);
+  std::string of_main;
+  for (int c = 0; c < static_cast<int>(snapshot.components.size()); ++c) {
+    const fs::path folder = c == 0 ? dir : dir / "components" / std::to_string(c);
+    const std::string json =
+        ExportMosaic(snapshot, c, options.pictures.image, options.mosaic, options.progress, folder.string());
+    if (c == 0) of_main = json;
+  }
+  return of_main;
+}
+
 // The files that others rely on, for a flight in which tracking never started.
 void ExportNothing(const fs::path& dir) {
   for (const char* file : {"frames.tum", "keyframes.tum"})
     WriteTrajectory((dir / file).string(), {}, "no frame was tracked");
   std::error_code error;
   fs::remove(dir / "trajectory.svg", error);
+  for (const std::string& file : MosaicFiles()) fs::remove(dir / file, error);
   for (const MapFormat& format : MapFormats()) {
     if (format.name == "tum") continue;
     for (const std::string& file : format.files) fs::remove_all(dir / file, error);
@@ -220,6 +239,8 @@ std::vector<std::string> ExportAll(const MapModel& model, const GroundTruth* gro
   RemoveStale(dir / "components", others);
   attempt([&] { ExportSubmaps(snapshot, dir / "submaps"); });
   attempt([&] { ExportEdgePictures(snapshot, options.pictures, (dir / "edges").string()); });
+  std::string mosaic;
+  attempt([&] { mosaic = ExportMosaics(model, found, options, dir); });
   const GapReport gaps = FindGaps(placed, found, options.coverage);
   attempt([&] { ExportWorld(placed, gaps, found, dir); });
   attempt([&] { WriteOrRemove(dir / "gaps.svg", MakeGapsSvg(placed, gaps)); });
@@ -229,6 +250,7 @@ std::vector<std::string> ExportAll(const MapModel& model, const GroundTruth* gro
     SummaryParts parts;
     if (world) parts.world = MakeWorldJson(placed, *world, {ground_truth, options.ground_truth_origin});
     parts.gaps = MakeGapsJson(gaps);
+    parts.mosaic = mosaic;
     WriteFile(
         (dir / "summary.json").string(),
         MakeSummaryJson(snapshot, ground_truth != nullptr ? &evaluated.evaluation : nullptr, ground_truth, parts));
@@ -240,16 +262,21 @@ std::vector<std::string> ExportAll(const MapModel& model, const GroundTruth* gro
 void RebuildReport(const std::string& dir_name) {
   const fs::path dir = dir_name;
   const std::string summary = ReadFile((dir / "summary.json").string());
-  std::vector<std::string> pictures;
   std::error_code error;
+  const auto read = [&](const fs::path& path) {
+    return fs::exists(path, error) ? ReadFile(path.string()) : std::string();
+  };
+  ReportPictures pictures;
+  pictures.graph_svg = ReadFile((dir / "graph.svg").string());
   for (fs::path folder = dir; fs::exists(folder / "trajectory.svg", error);
-       folder = dir / "components" / std::to_string(pictures.size())) {
-    pictures.push_back(ReadFile((folder / "trajectory.svg").string()));
+       folder = dir / "components" / std::to_string(pictures.trajectory_svgs.size())) {
+    pictures.trajectory_svgs.push_back(ReadFile((folder / "trajectory.svg").string()));
   }
-  const fs::path gaps = dir / "gaps.svg";
-  WriteFile((dir / "report.html").string(), MakeReport(summary, ReadFile((dir / "graph.svg").string()), pictures,
-                                                       ReadEdgePictures((dir / "edges").string()),
-                                                       fs::exists(gaps, error) ? ReadFile(gaps.string()) : ""));
+  pictures.edge_pictures = ReadEdgePictures((dir / "edges").string());
+  pictures.gaps_svg = read(dir / "gaps.svg");
+  if (const std::string mosaic = read(dir / "mosaic.png"); !mosaic.empty()) pictures.mosaic_jpeg = AsJpeg(mosaic);
+  pictures.coverage_png = read(dir / "coverage.png");
+  WriteFile((dir / "report.html").string(), MakeReport(summary, pictures));
 }
 
 }  // namespace mapmend

@@ -1,12 +1,14 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "procs/viewer_export/image_source.h"
 #include "procs/viewer_export/coverage.h"
+#include "procs/viewer_export/image_source.h"
 #include "procs/viewer_export/map_evaluation.h"
+#include "procs/viewer_export/mosaic_export.h"
 #include "procs/viewer_export/snapshot.h"
 #include "procs/viewer_export/world.h"
 
@@ -16,12 +18,14 @@ namespace mapmend {
 void PrepareDirectory(const std::string& dir);
 
 struct ExportOptions {
-  std::string frame = "map";         // one of FrameNames
-  PictureSource pictures;            // images and descriptors; may be empty
-  std::vector<std::string> formats;  // beside those that are always written (libs/formats/map_formats.h)
+  std::string frame = "map";                    // one of FrameNames
+  std::vector<std::string> formats;             // beside those that are always written (libs/formats/map_formats.h)
+  PictureSource pictures;                       // images and descriptors; may be empty
   std::optional<Geodetic> ground_truth_origin;  // of its coordinates; nullopt: the first position
   PlacementOptions placement;
   CoverageOptions coverage;
+  MosaicExportOptions mosaic;
+  std::function<void(double share)> progress;  // of the mosaic; may be empty
 };
 
 // Writes every export of the map into dir (docs/exports.md describes the files); summary.json and report.html come

@@ -316,6 +316,29 @@ std::string Base64(const std::string& bytes) {
   return text;
 }
 
+std::string Image(const std::string& type, const std::string& bytes, const std::string& meaning) {
+  return "<img alt=\"" + EscapeXml(meaning) + "\" src=\"data:image/" + type + ";base64," + Base64(bytes) + "\">";
+}
+
+// The ground from above, and how many images show each place.
+std::string MosaicSection(const Json& s, const ReportPictures& pictures) {
+  if (!s.contains("mosaic") || pictures.mosaic_jpeg.empty()) return "";
+  const Json& mosaic = s["mosaic"];
+  const bool has_metres = mosaic.value("unit", "") == "m";
+  const double area = mosaic.value("area", 0.0), thin = mosaic.value("area_of_fewer_than_3_images", 0.0);
+  std::string text = "Of " + Plural(mosaic.value("images", 0), "image") + ". ";
+  if (has_metres)
+    text += Fixed(area, 0) + " m², a pixel of mosaic.tif is " + Fixed(100 * mosaic.value("gsd", 0.0), 1) + " cm. ";
+  text += Percent(area - thin, area) + " of the ground is seen by three images or more.";
+  std::string html = "<figure class=\"mosaic\">" + Image("jpeg", pictures.mosaic_jpeg, "the ground from above") +
+                     "<figcaption>" + text + "</figcaption></figure>\n";
+  if (!pictures.coverage_png.empty()) {
+    html += "<details><summary>How many images show each place</summary>" +
+            Image("png", pictures.coverage_png, "coverage") + "</details>\n";
+  }
+  return html;
+}
+
 // What joined the submaps, for one who wants to see it.
 std::string EdgePictures(const Json& s, const std::map<std::pair<int, int>, std::string>& pictures) {
   std::string html;
@@ -323,9 +346,10 @@ std::string EdgePictures(const Json& s, const std::map<std::pair<int, int>, std:
     const std::pair<int, int> numbers = std::minmax(c["a"].get<int>(), c["b"].get<int>());
     const auto picture = pictures.find(numbers);
     if (picture == pictures.end() || !c["in_tree"].get<bool>()) continue;
-    html += "<figure class=\"edge\"><img alt=\"connection of submaps " + std::to_string(numbers.first) + " and " +
-            std::to_string(numbers.second) + "\" src=\"data:image/jpeg;base64," + Base64(picture->second) +
-            "\"><figcaption>" + Chip(c["a"]) + "–" + Chip(c["b"]) + " " + Escaped(c["reason"]) +
+    html += "<figure class=\"edge\">" +
+            Image("jpeg", picture->second,
+                  "connection of submaps " + std::to_string(numbers.first) + " and " + std::to_string(numbers.second)) +
+            "<figcaption>" + Chip(c["a"]) + "–" + Chip(c["b"]) + " " + Escaped(c["reason"]) +
             "</figcaption></figure>\n";
   }
   if (html.empty()) return "";
@@ -397,9 +421,7 @@ std::string Head(const Json& s) {
 
 }  // namespace
 
-std::string MakeReport(const std::string& summary_json, const std::string& graph_svg,
-                       const std::vector<std::string>& trajectory_svgs,
-                       const std::map<std::pair<int, int>, std::string>& edge_pictures, const std::string& gaps_svg) {
+std::string MakeReport(const std::string& summary_json, const ReportPictures& pictures) {
   try {
     const Json s = Json::parse(summary_json);
     std::string html =
@@ -407,12 +429,13 @@ std::string MakeReport(const std::string& summary_json, const std::string& graph
         "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>" +
         EscapeXml(s.value("title", "flight report")) + " (mapmend)</title>\n<style>";
     html += kReportStyle;
-    html += "</style></head>\n<body><main>\n" + Head(s) + Banner(s) + Figures(s) + GroundTruthProblem(s);
-    for (const std::string& svg : trajectory_svgs) html += "<div class=\"picture\">" + svg + "</div>\n";
-    html += WhyApart(s) + WorldSection(s) + GapSection(s, gaps_svg);
-    html += "<div class=\"picture\">" + graph_svg + "</div>\n";
-    html += RestorationRows(s) + ConnectionTable(s) + EdgePictures(s, edge_pictures) + LoopTable(s) + SubmapTable(s) +
-            ProcessTable(s) + ProfileTable(s);
+    html += "</style></head>\n<body><main>\n" + Head(s) + Banner(s) + Figures(s) + GroundTruthProblem(s) +
+            MosaicSection(s, pictures);
+    for (const std::string& svg : pictures.trajectory_svgs) html += "<div class=\"picture\">" + svg + "</div>\n";
+    html += WhyApart(s) + WorldSection(s) + GapSection(s, pictures.gaps_svg);
+    html += "<div class=\"picture\">" + pictures.graph_svg + "</div>\n";
+    html += RestorationRows(s) + ConnectionTable(s) + EdgePictures(s, pictures.edge_pictures) + LoopTable(s) +
+            SubmapTable(s) + ProcessTable(s) + ProfileTable(s);
     html += "<footer>Written by mapmend " + Escaped(s["version"]) +
             ". The figures are in summary.json beside this page.</footer>\n";
     return html + "</main></body></html>\n";

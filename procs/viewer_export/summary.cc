@@ -228,6 +228,7 @@ std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evalu
   }
   if (!parts.world.empty()) json["world"] = Json::parse(parts.world);
   if (!parts.gaps.empty()) json["gaps"] = Json::parse(parts.gaps);
+  if (!parts.mosaic.empty()) json["mosaic"] = Json::parse(parts.mosaic);
   json["sessions"] = Sessions(snapshot);
   json["submaps"] = Submaps(snapshot, evaluation);
   json["components"] = Components(snapshot, evaluation, num_points);

@@ -9,8 +9,9 @@ namespace mapmend {
 
 // Members of summary.json that others make, as text; empty: it has none.
 struct SummaryParts {
-  std::string world;  // MakeWorldJson
-  std::string gaps;   // MakeGapsJson
+  std::string world;   // MakeWorldJson
+  std::string gaps;    // MakeGapsJson
+  std::string mosaic;  // ExportMosaic
 };
 
 // summary.json (docs/exports.md lists its keys). evaluation and ground_truth may be null together. The launcher adds

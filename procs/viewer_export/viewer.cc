@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "libs/base/text_format.h"
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/health.h"
@@ -175,6 +176,10 @@ void Viewer::Impl::ExportIfComplete() {
     const auto start = Clock::now();
     ExportOptions exports = options.exports;
     exports.pictures = PicturesOf(&store, [this] { health.Tick(); });
+    exports.progress = [this](double share) {
+      health.SetState("busy", Format("picture of the ground: %.0f %%", 100 * share));
+      health.Tick();
+    };
     const std::vector<std::string> problems = ExportAll(model, TruthOrNull(), options.out, exports);
     health.SetCounter("images", exported_images);
     for (const std::string& problem : problems) spdlog::error("viewer_export: {}", problem);

@@ -23,6 +23,7 @@ struct ViewerOptions {
     v("evaluation", evaluation);
     v("placement", exports.placement);
     v("coverage", exports.coverage);
+    v("mosaic", exports.mosaic);
   }
 };
 
