@@ -40,7 +40,7 @@ Source ListSource(const Snapshot& snapshot, int component, const FetchImage& fet
   Source source{fetch, {}, {}};
   for (const SnapshotKeyframe& keyframe : snapshot.components[component].keyframes) {
     const std::string& session = snapshot.submaps[keyframe.submap].key.session;
-    const SessionStarted& started = snapshot.model->GetSession(session).started;
+    const SessionStarted& started = snapshot.model->GetSession(session).info;
     source.keys.emplace_back(session, keyframe.id);
     source.images.push_back({LensOf(started.camera, started.pinhole), keyframe.cam_from_root});
   }

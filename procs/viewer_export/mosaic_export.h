@@ -22,7 +22,7 @@ struct MosaicExportOptions {
     v("enabled", enabled);
     mosaic.Visit(v);
     v("preview_px", preview_px, Range(100, 100000), "pixels");
-    v("bounds", bounds);
+    v("bounds", bounds, Range(-1e12, 1e12), "west, south, east, north");
   }
   // Empty, or which options contradict each other.
   std::string Conflict() const {
