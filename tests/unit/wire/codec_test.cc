@@ -184,7 +184,13 @@ TEST(Codec, PositionsComeBackAsTheyWere) {
   PositionFix bare;
   bare.latitude_deg = 1;
   body.fixes = {told, bare};
-  const EncodedRecord encoded = EncodeRecord({{"flight", 5, 123456}, body});
+  const auto encode = [&] {
+    Record record;  // step by step, because GCC 12 takes braces here for uninitialised
+    record.header = {"flight", 5, 123456};
+    record.body = body;
+    return EncodeRecord(record);
+  };
+  const EncodedRecord encoded = encode();
   EXPECT_EQ(encoded.channel, channels::kPositions);
   EXPECT_TRUE(IsRecordChannel(encoded.channel));
   const DecodedRecord decoded = DecodeRecord(encoded);
@@ -201,7 +207,7 @@ TEST(Codec, PositionsComeBackAsTheyWere) {
   // What cannot be a position is refused.
   for (const double latitude : {95.0, std::numeric_limits<double>::quiet_NaN()}) {
     body.fixes[1].latitude_deg = latitude;
-    EXPECT_FALSE(DecodeRecord(EncodeRecord({{"flight", 5, 123456}, body})).record);
+    EXPECT_FALSE(DecodeRecord(encode()).record);
   }
 }
 
