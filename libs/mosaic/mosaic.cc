@@ -38,12 +38,15 @@ GroundBounds BoundsOf(const std::vector<Eigen::Vector2d>& places) {
   return bounds;
 }
 
-// Pixels of the raster, all around a few more.
+// Pixels of the raster, all around a few more. It begins where a square of Rectify does, whatever the block.
 cv::Rect PixelsOf(const GroundBounds& bounds, const GroundRaster& raster) {
   const Eigen::Vector2d low = raster.Pixel({bounds.low.x(), bounds.high.y()}),
                         high = raster.Pixel({bounds.high.x(), bounds.low.y()});
-  constexpr int kMore = 8;
-  const cv::Point first(static_cast<int>(std::floor(low.x())) - kMore, static_cast<int>(std::floor(low.y())) - kMore);
+  constexpr int kMore = kRectifyStep;
+  const auto begin = [](double pixel) {
+    return static_cast<int>(std::floor(pixel / kRectifyStep)) * kRectifyStep - kMore;
+  };
+  const cv::Point first(begin(low.x()), begin(low.y()));
   const cv::Point last(static_cast<int>(std::ceil(high.x())) + kMore, static_cast<int>(std::ceil(high.y())) + kMore);
   return {first, last};
 }
@@ -220,7 +223,7 @@ void Mosaic::EvenExposure(Cache* cache) {
 }
 
 void Mosaic::MakeBlock(const cv::Rect& block, Cache* cache, const WriteMosaicBlock& write) {
-  const int margin = static_cast<int>(std::ceil(2 * options_.blend_px));
+  const int margin = static_cast<int>(std::ceil(2 * options_.blend_px / kRectifyStep)) * kRectifyStep;
   const cv::Rect part(block.x - margin, block.y - margin, block.width + 2 * margin, block.height + 2 * margin);
   BlendedBlock blended(part.size(), options_.blend_px);
   bool any = false;

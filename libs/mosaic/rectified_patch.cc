@@ -7,7 +7,7 @@
 namespace mapmend {
 namespace {
 
-constexpr int kStep = 8;  // pixels between the places that are projected
+constexpr int kStep = kRectifyStep;
 
 // What is known at a place that is projected.
 using Node = std::array<float, 4>;  // pixel x, y, quality, offset; quality 0: not seen

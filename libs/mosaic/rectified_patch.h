@@ -28,6 +28,9 @@ struct RectifiedPatch {
   cv::Mat offset;   // 32-bit float; from the image's centre, of half its diagonal
 };
 
+// Pixels between the places that Rectify projects.
+inline constexpr int kRectifyStep = 8;
+
 // Orthorectification by backward projection. The projection is worked out at every eighth pixel and is linear between:
 // the surface is smoother than that.
 //   image  8 bits, 3 channels, of the size of the view's camera

@@ -154,7 +154,7 @@ TEST(UsageTest, AMistakeInTheCommandLineIsOneLineAndTwo) {
        "mapmend: --format: no format 'mcpa'; did you mean mcap? (there are tum, ply, colmap, kitti, euroc, las, g2o, "
        "gltf, mcap)"},
       {{"run", "a.mp4", "--format", "pdf"}, "mapmend: --format: no format 'pdf'"},
-      {{"run", "a.mp4", "--frame", "levl"}, "mapmend: run: --frame: levl not in {map,level}"},
+      {{"run", "a.mp4", "--frame", "levl"}, "mapmend: run: --frame: levl not in {map,level"},
       {{"run", "--speed", "2", "--live", "--camera", kFlight + "camera.yaml"}, "mapmend: --speed needs --realtime"}};
   for (const auto& [words, line] : mistakes) {
     const CommandResult result = Call(words);

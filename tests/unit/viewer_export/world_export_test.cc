@@ -92,7 +92,7 @@ TEST_F(WorldExportTest, TrajectoriesInEastNorthUp) {
   Export("enu", true, 0, &truth);
   ExpectTrue("frames.tum", 0.06);  // fixes between the submaps lie beside the straight line
   ExpectTrue("keyframes.tum", 0.06);
-  EXPECT_THAT(Read("frames.tum"), HasSubstr("metres east, north, up; origin: 28.04"));
+  EXPECT_THAT(Read("frames.tum"), HasSubstr("east, north, up; origin: 28.04"));
   const nlohmann::json world = Json("summary.json")["world"];
   EXPECT_EQ(world["positions"], 75);
   const nlohmann::json& component = world["components"][0];
