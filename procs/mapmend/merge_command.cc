@@ -75,7 +75,7 @@ void AddMosaicCommand(CLI::App* app) {
   sub->add_option_function<double>(
          "--gsd", [options](double gsd) { options->settings.Set(Format("viewer_export.mosaic.gsd=%.9g", gsd)); },
          "size of a pixel on the ground, metres, or map units without positions (default: that of the images)")
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Range(1e-9, 1e9));
   sub->add_option_function<std::string>(
       "--bounds",
       [options](const std::string& bounds) { options->settings.Set("viewer_export.mosaic.bounds=" + bounds); },

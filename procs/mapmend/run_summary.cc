@@ -50,6 +50,12 @@ std::string DescribeWorld(const Json& world) {
   return text;
 }
 
+std::string DescribeMosaic(const Json& mosaic) {
+  if (const std::string problem = mosaic.value("problem", ""); !problem.empty()) return "no picture: " + problem;
+  const std::string size = Format("mosaic.tif, %d x %d pixels", Count(mosaic, "width"), Count(mosaic, "height"));
+  return mosaic.value("unit", "") == "m" ? size + Format(" of %.2g m", Number(mosaic, "gsd")) : size;
+}
+
 }  // namespace
 
 Json ReadSummary(const std::string& out) {
@@ -133,6 +139,7 @@ std::string FormatSummaryTable(const std::string& out) {
     row("images",
         Format("of %d keyframes", Count(images, "stored")) + (missing > 0 ? Format(", %d are missing", missing) : ""));
   }
+  if (summary.contains("mosaic")) row("ground", DescribeMosaic(summary["mosaic"]));
   if (summary.contains("ate_rmse_m")) {
     row("accuracy",
         Format("%.3f m ATE RMSE against the ground truth (median %.3f, max %.3f)", Number(summary, "ate_rmse_m"),
