@@ -83,7 +83,9 @@ TEST_F(World, TheWholeFlightLiesOnItsPositions) {
   // What was left out is to be flown again.
   const Json gaps = Summary(out).at("gaps");
   EXPECT_EQ(gaps.at("unit"), "m");
-  EXPECT_NEAR(gaps.at("flight").at("height"), 72, 8);
+  // Above the ground with its trees: a pixel is 0.138 m there along the axis, 66 m at f = 478 pixels, pitched by 75
+  // degrees.
+  EXPECT_NEAR(gaps.at("flight").at("height"), 64, 4);
   EXPECT_EQ(gaps.at("list").at(0).at("kind"), "stretch");
   EXPECT_EQ(gaps.at("list").at(0).at("first_frame"), 74);
   EXPECT_EQ(gaps.at("list").at(0).at("last_frame"), 83);

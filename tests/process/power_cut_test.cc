@@ -226,8 +226,8 @@ TEST(PowerCut, NothingIsLostThatWasTrackedASecondBefore) {
 TEST(PowerCut, AFolderWithUndeliveredRecordsIsNotOverwritten) {
   const TemporaryFolder folder;
   const std::string out = folder / "out";
-  RunningCommand run(RunArguments(out), folder / "output");
-  ASSERT_TRUE(WaitUntil([&] { return FindProcess(run, "frontend") > 0; }, 60));
+  RunningCommand run(RunArguments(out, {"--realtime", "--speed", "30"}), folder / "output");
+  ASSERT_TRUE(WaitUntil([&] { return Count(out, "keyframe") >= 3; }, 120)) << ReadText(folder / "output");
   // Again and again: on a busy machine the launcher has time to replace a store that does not answer.
   const auto is_full = [&] {
     if (const pid_t store = FindProcess(run, "submap_store"); store > 0) kill(store, SIGSTOP);
