@@ -166,4 +166,6 @@ def station_command(folder, port=7700):
 
 def fly_command(folder, options=(), station=GROUND):
     return [mapmend(), "fly", str(FLIGHT / "video.mp4"), "--vehicle", "red", "--station", station, "--token-file",
-            str(folder / "hub.token"), "--session", SESSION, "--seed", "1", "--out", str(folder / "air"), *options]
+            str(folder / "hub.token"), "--session", SESSION, "--seed", "1", "--out", str(folder / "air"),
+            "--images", "160",  # what is measured are the records; full images take a slow link for minutes after them
+            *options]
