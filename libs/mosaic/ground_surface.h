@@ -45,9 +45,6 @@ class GroundSurface {
 
   // Bilinear between the centres of cells.
   double Height(double x, double y) const;
-  double CellSize() const { return cell_; }
-  int Columns() const { return columns_; }
-  int Rows() const { return rows_; }
   // Median absolute distance of the points from the surface, vertical.
   double MedianResidual() const { return median_residual_; }
 

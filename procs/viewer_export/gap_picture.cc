@@ -2,6 +2,7 @@
 #include <cmath>
 #include <utility>
 
+#include "libs/base/rounded.h"
 #include "libs/base/text_format.h"
 #include "libs/drawing/svg_canvas.h"
 #include "libs/drawing/top_view.h"
@@ -64,8 +65,8 @@ class GapPicture {
     const char* square = report_.is_placed ? "m²" : "square map units";
     canvas->DrawText({kMargin, 24}, "What to fly again", {17, "#1f2933", Canvas::Anchor::kStart, true});
     canvas->DrawText({kMargin, 43},
-                     Format("ground seen: %.3g %s; seen by too few images inside the area: %.3g %s",
-                            coverage_.area_seen, square, again, square),
+                     "ground seen: " + Rounded(coverage_.area_seen) + " " + square +
+                         "; seen by too few images inside the area: " + Rounded(again) + " " + square,
                      {12, kMuted});
   }
 

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "libs/base/median.h"
+#include "libs/base/rounded.h"
 #include "libs/base/text_format.h"
 #include "procs/viewer_export/holes.h"
 
@@ -87,7 +88,7 @@ void FindStretches(const Snapshot& snapshot, const WorldPlacement* world, GapRep
                    ? Format("of frame %d there is no map", gap.first_frame)
                    : Format("of frames %d to %d there is no map", gap.first_frame, gap.last_frame);
     if (gap.seconds > 0) gap.text += Format(": %.1f s", gap.seconds);
-    if (gap.length > 0) gap.text += Format(", %.3g %s", gap.length, report->Unit());
+    if (gap.length > 0) gap.text += ", " + Rounded(gap.length) + " " + report->Unit();
     report->gaps.push_back(gap);
   }
 }
@@ -167,10 +168,10 @@ void FindGround(GapReport* report, const CoverageOptions& options) {
     gap.kind = Gap::Kind::kGround;
     gap.region = region;
     if (region.area_unseen > 0.99 * region.area) {
-      gap.text = Format("no image sees %.3g %s", region.area, square);
+      gap.text = "no image sees " + Rounded(region.area) + " " + square;
     } else {
-      gap.text = Format("fewer than %d images see %.3g %s", options.min_images, region.area, square);
-      if (region.area_unseen > 0) gap.text += Format(", none %.3g of them", region.area_unseen);
+      gap.text = Format("fewer than %d images see ", options.min_images) + Rounded(region.area) + " " + square;
+      if (region.area_unseen > 0) gap.text += ", none " + Rounded(region.area_unseen) + " of them";
     }
     report->gaps.push_back(gap);
   }
