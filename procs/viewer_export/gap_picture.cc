@@ -100,6 +100,7 @@ class GapPicture {
                                               report_.level_from_world * pose.world_from_camera.translation)});
         for (const auto& piece : ProjectPieces(level, PlaneView())) {
           std::vector<Eigen::Vector2d> points;
+          points.reserve(piece.size());
           for (const Eigen::Vector2d& p : piece) points.push_back(At(p));
           canvas->DrawPolyline(points, {CategoryColor(submap.number), 1.5, false});
         }
