@@ -117,9 +117,11 @@ std::vector<SyntheticFlight::Seen> SyntheticFlight::Observe(const Rigid3& world_
   const Rigid3 cam_from_world = world_from_cam.Inverse();
   const Eigen::Vector3d velocity = (after.translation - before.translation) / 2;
   const Eigen::AngleAxisd turn_in_two_seconds(before.rotation.conjugate() * after.rotation);
-  // The camera when the row at this height was read.
-  const auto cam_from_world_at = [&](double row) {
-    const double t = options_.readout * (row / options_.camera.height - 0.5);
+  // The camera when the line of this pixel was read.
+  const auto cam_from_world_at = [&](const Eigen::Vector2d& pixel) {
+    const double place =
+        options_.reads_columns ? pixel.x() / options_.camera.width : pixel.y() / options_.camera.height;
+    const double t = options_.readout * (place - 0.5);
     const Eigen::AngleAxisd turn(t * turn_in_two_seconds.angle() / 2, turn_in_two_seconds.axis());
     return Rigid3(world_from_cam.rotation * Eigen::Quaterniond(turn), world_from_cam.translation + t * velocity)
         .Inverse();
@@ -133,7 +135,7 @@ std::vector<SyntheticFlight::Seen> SyntheticFlight::Observe(const Rigid3& world_
     if (!(x.z() > 1)) continue;
     Eigen::Vector2d pixel = options_.camera.Project(x);
     for (int step = 0; options_.readout != 0 && step < 4; ++step) {
-      pixel = options_.camera.Project(cam_from_world_at(pixel.y()) * terrain_[i].position);
+      pixel = options_.camera.Project(cam_from_world_at(pixel) * terrain_[i].position);
     }
     if (pixel.x() < 0 || pixel.y() < 0 || pixel.x() >= options_.camera.width || pixel.y() >= options_.camera.height) {
       continue;

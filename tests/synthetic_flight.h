@@ -51,6 +51,7 @@ struct FlightOptions {
   double scale_drift = 0;      // per keyframe: the submap's scale grows by this fraction
   double angle_drift_deg = 0;  // per keyframe, about the vertical
   double readout = 0;          // seconds, of a rolling shutter
+  bool reads_columns = false;  // not rows
   uint64_t seed = 1;
 };
 

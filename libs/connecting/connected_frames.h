@@ -94,7 +94,15 @@ struct WindowSizes {
 
 // What wide features have found across a gap: shared by all pairs of frames that say so.
 struct WideCommonPoints {
-  std::vector<Eigen::Vector3d> in_a;  // that both submaps see, frame of a
+  // Where a keyframe of one of the two submaps sees a point, in the ideal camera.
+  struct Sighting {
+    bool is_in_b = false;
+    KeyframeId keyframe;
+    Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
+    float sigma = 1;  // pixels
+  };
+  std::vector<Eigen::Vector3d> in_a;             // that both submaps see, frame of a
+  std::vector<std::vector<Sighting>> sightings;  // of each, by keyframes that were not culled
 };
 
 struct ConnectedFrames {

@@ -100,6 +100,17 @@ double Travel(const WideSide& a, const WideSide& b, const Similarity3& b_from_a)
   return least;
 }
 
+// Where keyframes of a side see a track.
+void AddSightings(const WideSide& side, const WideTrack& track, bool is_in_b,
+                  std::vector<WideCommonPoints::Sighting>* sightings) {
+  for (const WideObservation& o : track.observations) {
+    const WideFrame& frame = side.frames[o.frame];
+    const WideKeypoint& keypoint = side.Keypoint(o);
+    if (frame.is_keyframe)
+      sightings->push_back({is_in_b, frame.keyframe, keypoint.pixel, static_cast<float>(WideSigma(keypoint))});
+  }
+}
+
 // Per frame of b the frame of a with which it has most inliers in common.
 std::vector<ConnectedFrames> PairFrames(const WideSide& a, const WideSide& b, const WideRegistration& r,
                                         const WideConnectionOptions& options) {
@@ -109,6 +120,8 @@ std::vector<ConnectedFrames> PairFrames(const WideSide& a, const WideSide& b, co
     if (!r.is_inlier[i] || !(r.points[i].w() > 1e-9)) continue;
     const Eigen::Vector3d point = r.points[i].hnormalized();
     shared->in_a.push_back(point);
+    AddSightings(a, a.tracks[r.matches[i].track_a], false, &shared->sightings.emplace_back());
+    AddSightings(b, b.tracks[r.matches[i].track_b], true, &shared->sightings.back());
     for (const WideObservation& o : a.tracks[r.matches[i].track_a].observations) {
       for (const WideObservation& p : b.tracks[r.matches[i].track_b].observations)
         common[{p.frame, o.frame}].push_back(r.b_from_a * point);
@@ -145,7 +158,7 @@ std::vector<ConnectedFrames> PairFrames(const WideSide& a, const WideSide& b, co
 
 // Empty if the registration is to be believed, else why not.
 std::string Objection(const WideSide& a, const WideSide& b, const WideRegistration& r, double max_travel_s,
-                      const WideConnectionOptions& options) {
+                      bool is_known, const WideConnectionOptions& options) {
   if (!r.success) return Format("%d features look alike, but no transform explains them", r.num_alike);
   const std::vector<int> in_a = CountInFrames(a, r, true), in_b = CountInFrames(b, r, false);
   const auto fullest = [](const std::vector<int>& counts) {
@@ -161,7 +174,7 @@ std::string Objection(const WideSide& a, const WideSide& b, const WideRegistrati
                                    r.num_solid, r.num_alike, r.evidence);
   if (r.num_solid < options.min_inliers) return found + Format(", but %d are needed", options.min_inliers);
   if (r.evidence < options.min_evidence) return found + Format(" (%.0f needed)", options.min_evidence);
-  if (r.rival_evidence > options.max_rival * r.evidence)
+  if (!is_known && r.rival_evidence > options.max_rival * r.evidence)
     return found + Format(", but another one has %.0f", r.rival_evidence);
   if (cells < options.min_cells || cells_far < options.min_cells_far) {
     return found + Format(", but they fill only %d and %d cells of the images (%d and %d needed)", cells, cells_far,
@@ -190,10 +203,11 @@ std::string Objection(const WideSide& a, const WideSide& b, const WideRegistrati
 std::string WideConnectionOptions::Check() const { return CheckOptions(*this); }
 
 WideConnection VerifyWideConnection(const WideSide& a, const WideSide& b, double max_travel_s,
-                                    const WideConnectionOptions& options) {
+                                    const WideConnectionOptions& options,
+                                    const std::function<bool(const Similarity3& b_from_a)>& is_known) {
   WideConnection connection;
   const WideRegistration r = RegisterWideSides(a, b, options.registration);
-  connection.reason = Objection(a, b, r, max_travel_s, options);
+  connection.reason = Objection(a, b, r, max_travel_s, is_known && is_known(r.b_from_a), options);
   if (connection.reason.empty()) connection.frames = PairFrames(a, b, r, options);
   const int num_pairs = static_cast<int>(connection.frames.size());
   if (connection.reason.empty() && num_pairs < options.min_pairs) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -62,7 +63,9 @@ struct WideConnection {
 
 // Whether two sides are connected by wide features, and how. They must be of different submaps.
 //   max_travel_s  time in which the camera got from the one to the other; negative: nothing is known of it
+//   is_known      whether something else says so too: then it matters less what else might be. Null: nothing does
 WideConnection VerifyWideConnection(const WideSide& a, const WideSide& b, double max_travel_s,
-                                    const WideConnectionOptions& options);
+                                    const WideConnectionOptions& options,
+                                    const std::function<bool(const Similarity3& b_from_a)>& is_known = {});
 
 }  // namespace mapmend

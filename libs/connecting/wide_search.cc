@@ -20,6 +20,18 @@ double TravelTime(const SubmapKey& a, const WideSide& in_a, const SubmapKey& b, 
   return 1e-6 * static_cast<double>(least);
 }
 
+// Whether a connection's matches lie where a transform puts them.
+bool Agrees(const Sessions& sessions, const Connection& known, const Similarity3& b_from_a,
+            double max_disagreement_px) {
+  const SubmapView a = ViewSubmap(sessions, known.a), b = ViewSubmap(sessions, known.b);
+  for (size_t i = 0; i < known.evidence.size(); ++i) {
+    const ConnectedFrames& e = known.evidence[i];
+    if (known.agrees[i] && MedianErrorPx(ResolveMatches(a, b, e.a_in_b, e.b_in_a), b_from_a) <= max_disagreement_px)
+      return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 std::string WideSearchOptions::Check() const { return CheckOptions(*this); }
@@ -52,6 +64,7 @@ std::vector<WideFrame> WideSearch::Frames(const SideKey& key) const {
     frame.keyframe = id;
     WideFrame& f = frames.emplace_back();
     f.keyframe = submap.Resolved(frame).keyframe;
+    f.is_keyframe = f.keyframe == id;
     f.utime = utime;
     f.cam_from_submap = submap.CamFromSubmap(frame);
     f.features = Features(key.submap, *wide);
@@ -102,6 +115,12 @@ bool WideSearch::AreApart(const ConnectionGraph& graph, const SubmapKey& a, cons
   return component(a) != component(b);
 }
 
+bool WideSearch::IsWeak(const ConnectionGraph& graph, const SubmapKey& a, const SubmapKey& b) const {
+  const auto known = graph.connections().find(MakePair(*sessions_, a, b));
+  return known != graph.connections().end() && known->second.verdict == Connection::Verdict::kAccepted &&
+         !known->second.is_wide && known->second.num_common_points < options_.weak_common_points;
+}
+
 bool WideSearch::Verify(const SideKey& a, const SideKey& b, ConnectionGraph* graph, std::set<SubmapPair>* looked_at) {
   if (!verified_.insert(std::minmax(a, b)).second) return false;
   const SubmapPair pair = MakePair(*sessions_, a.submap, b.submap);
@@ -111,10 +130,16 @@ bool WideSearch::Verify(const SideKey& a, const SideKey& b, ConnectionGraph* gra
   const SideKey &older = pair.older == a.submap ? a : b, &younger = pair.older == a.submap ? b : a;
   const WideSide &in_older = Side(older), &in_younger = Side(younger);
   progress_();
+  const bool is_known = known != graph->connections().end() && known->second.verdict == Connection::Verdict::kAccepted;
+  const auto agrees = [&](const Similarity3& b_from_a) {
+    return is_known && Agrees(*sessions_, known->second, b_from_a, options_.max_disagreement_px);
+  };
   WideConnection connection = VerifyWideConnection(
-      in_older, in_younger, TravelTime(older.submap, in_older, younger.submap, in_younger), options_.connection);
+      in_older, in_younger, TravelTime(older.submap, in_older, younger.submap, in_younger), options_.connection, agrees);
   ++num_verified_;
   progress_();
+  // What is known already is only put in the place of what agrees with it.
+  if (is_known && !(connection.success && agrees(connection.frames.front().b_from_a))) return false;
   for (ConnectedFrames& frames : connection.frames) graph->Add(pair, std::move(frames));
   looked_at->insert(pair);
   if (!connection.success) return false;
@@ -130,7 +155,8 @@ void WideSearch::BridgeInTime(ConnectionGraph* graph, std::set<SubmapPair>* look
     for (size_t j = i; j-- > 0 && tried < options_.num_submaps;) {
       if (keys[j].session != keys[i].session) continue;
       ++tried;
-      if (AreApart(*graph, keys[j], keys[i])) Verify({keys[j], End::kEnd}, {keys[i], End::kBegin}, graph, looked_at);
+      if (AreApart(*graph, keys[j], keys[i]) || IsWeak(*graph, keys[j], keys[i]))
+        Verify({keys[j], End::kEnd}, {keys[i], End::kBegin}, graph, looked_at);
     }
   }
 }

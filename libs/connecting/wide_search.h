@@ -22,6 +22,9 @@ struct WideSearchOptions {
   int max_frames = 8;  // of one end of a submap that are looked at
   int num_submaps =
       3;  // earlier ones of the session that a submap's beginning is compared with: short bad ones lie between
+  // Submaps that follow each other in time and are connected otherwise by fewer common points are looked at as well.
+  int weak_common_points = 100;
+  double max_disagreement_px = 40;  // median, of that connection's matches with what wide features say
   int max_pairs = 60;  // of ends of submaps that are compared besides, those that look most alike first ...
   int min_alike = 12;  // ... by matches of one frame of each, at least so many
 
@@ -31,6 +34,8 @@ struct WideSearchOptions {
     v("extension", extension);
     v("max_frames", max_frames, Range(2, 1000), "frames");
     v("num_submaps", num_submaps, Range(1, 1000), "submaps");
+    v("weak_common_points", weak_common_points, Range(0, 1e6), "points");
+    v("max_disagreement_px", max_disagreement_px, MoreThan(0), "pixels");
     v("max_pairs", max_pairs, Range(0, 1e6));
     v("min_alike", min_alike, Range(0, 1e6), "matches");
   }
@@ -74,6 +79,8 @@ class WideSearch {
   std::shared_ptr<const WideFeatures> Features(const SubmapKey& key, const SubmapWideFeatures& wide) const;
   // Frames that were not tracked, next to this end, the nearest first; `keyframe` stands for them.
   std::vector<WideFrame> FramesBeyond(const SideKey& key, KeyframeId keyframe) const;
+  // Whether there is a connection that few points support.
+  bool IsWeak(const ConnectionGraph& graph, const SubmapKey& a, const SubmapKey& b) const;
   bool AreApart(const ConnectionGraph& graph, const SubmapKey& a, const SubmapKey& b) const;
   void BridgeInTime(ConnectionGraph* graph, std::set<SubmapPair>* looked_at);
   void BridgeAlike(ConnectionGraph* graph, std::set<SubmapPair>* looked_at);

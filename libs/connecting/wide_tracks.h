@@ -14,6 +14,7 @@ namespace mapmend {
 // stands for it, and the pose is its own.
 struct WideFrame {
   KeyframeId keyframe;
+  bool is_keyframe = false;  // itself, not culled
   int64_t utime = 0;
   Rigid3 cam_from_submap;
   std::shared_ptr<const WideFeatures> features;

@@ -4,10 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
-#include <string>
 
-#include "libs/base/text_format.h"
 #include "libs/geometry/chi_square.h"
 #include "libs/optim/bundle_adjuster.h"
 #include "libs/optim/position_prior.h"
@@ -59,7 +56,7 @@ void RefinePoint(const MergedMap& map, MergedPoint* point) {
   }
 }
 
-// Longest tracks first, until every keyframe has enough. Ties: lower index.
+// Wide points, then longest tracks first, until every keyframe has enough. Ties: lower index.
 std::vector<char> SelectPoints(const MergedMap& map, int per_keyframe) {
   std::vector<char> selected(map.points.size(), 0);
   std::vector<int> order;
@@ -74,6 +71,7 @@ std::vector<char> SelectPoints(const MergedMap& map, int per_keyframe) {
                    [&](int l, int r) { return map.points[l].track.size() > map.points[r].track.size(); });
   std::vector<int> count(map.keyframes.size(), 0);
   for (const int i : order) {
+    if (!map.points[i].first.second.IsValid()) selected[i] = 1;
     const auto& track = map.points[i].track;
     if (std::none_of(track.begin(), track.end(),
                      [&](const TrackElement& e) { return count[e.keyframe] < per_keyframe; })) {
@@ -100,32 +98,6 @@ int RemoveOutliers(double max_squared_error, const std::vector<char>& among, Mer
   return removed;
 }
 
-// One unknown per flight.
-void AddReadouts(const MergedMap& map, BundleProblem* problem) {
-  std::map<std::string, int> flights;
-  for (size_t s = 0; s < map.submaps.size(); ++s) {
-    const auto [it, is_new] = flights.try_emplace(map.submaps[s].flight, static_cast<int>(flights.size()));
-    problem->readout_of_camera.push_back(it->second);
-    if (is_new) problem->readouts.push_back(map.readouts[s]);
-  }
-}
-
-bool AreTaken(const std::vector<double>& readouts, const BundleSummary& bundle, const MergedBundleOptions& options) {
-  const auto is_plausible = [&](double t) { return std::abs(t) <= options.max_readout; };
-  const auto is_noticeable = [&](double t) { return std::abs(t) >= options.min_readout; };
-  const double drop = bundle.initial_cost - bundle.final_cost;
-  return drop >= options.min_gain * bundle.initial_cost && drop >= options.min_drop &&
-         std::all_of(readouts.begin(), readouts.end(), is_plausible) &&
-         std::any_of(readouts.begin(), readouts.end(), is_noticeable);
-}
-
-// For people.
-std::string ReadoutsInText(const std::vector<double>& readouts) {
-  std::string text;
-  for (const double t : readouts) text += Format("%s%.1f ms", text.empty() ? "" : ", ", 1e3 * t);
-  return text;
-}
-
 }  // namespace
 
 void RefinePoints(MergedMap* map, const std::vector<char>* only) {
@@ -140,6 +112,7 @@ void MeasureScales(MergedMap* map) {
   for (const MergedPoint& point : map->points) {
     for (const TrackElement& e : point.track) {
       const MergedKeyframe& keyframe = map->keyframes[e.keyframe];
+      if (e.feature < 0) continue;
       const MapPointId id = keyframe.keyframe->map_points[e.feature];
       const Submap& submap = *map->submaps[keyframe.submap].submap;
       const auto raw = id.IsValid() ? submap.points.find(id) : submap.points.end();
@@ -157,75 +130,71 @@ void MeasureScales(MergedMap* map) {
   }
 }
 
-MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMap* map, const std::vector<int>* window,
-                                    const std::vector<PositionPrior>* positions) {
-  MergedBundleSummary summary;
-  std::vector<char> is_free(map->keyframes.size(), window == nullptr),
-      is_touched(map->points.size(), window == nullptr);
+MergedBundle MakeMergedBundle(const MergedMap& map, int points_per_keyframe, const std::vector<int>* window,
+                              bool hold_first) {
+  MergedBundle bundle;
+  bundle.is_free.assign(map.keyframes.size(), window == nullptr);
+  bundle.is_touched.assign(map.points.size(), window == nullptr);
   if (window) {
-    for (const int k : *window) is_free[k] = 1;
-    for (size_t i = 0; i < is_touched.size(); ++i) {
-      const auto& track = map->points[i].track;
-      is_touched[i] =
-          std::any_of(track.begin(), track.end(), [&](const TrackElement& e) { return is_free[e.keyframe]; });
+    for (const int k : *window) bundle.is_free[k] = 1;
+    for (size_t i = 0; i < bundle.is_touched.size(); ++i) {
+      const auto& track = map.points[i].track;
+      bundle.is_touched[i] =
+          std::any_of(track.begin(), track.end(), [&](const TrackElement& e) { return bundle.is_free[e.keyframe]; });
     }
   }
-  const bool has_positions = positions != nullptr && !positions->empty();
-  if (!has_positions) is_free[0] = 0;
-  const std::vector<char> selected = SelectPoints(*map, options.points_per_keyframe);
-  BundleProblem problem;
-  for (const SubmapView& submap : map->submaps) problem.cameras.push_back(submap.camera);
-  if (options.find_readouts) AddReadouts(*map, &problem);
-  for (size_t k = 0; k < map->keyframes.size(); ++k) {
-    problem.poses.push_back({map->keyframes[k].cam_from_root, !is_free[k], map->keyframes[k].submap});
+  if (hold_first) bundle.is_free[0] = 0;
+  BundleProblem& problem = bundle.problem;
+  for (const SubmapView& submap : map.submaps) problem.cameras.push_back(submap.camera);
+  for (size_t k = 0; k < map.keyframes.size(); ++k) {
+    problem.poses.push_back({map.keyframes[k].cam_from_root, !bundle.is_free[k], map.keyframes[k].submap});
   }
-  std::vector<int> index;
-  for (size_t i = 0; i < map->points.size(); ++i) {
-    if (!selected[i] || !is_touched[i]) continue;
-    for (const TrackElement& e : map->points[i].track) {
-      const Eigen::Vector3d x = map->keyframes[e.keyframe].cam_from_root * map->points[i].position;
-      Eigen::Vector2d pixel = e.pixel.cast<double>();
-      if (!options.find_readouts) {
-        pixel = map->Pixel(e, x);
-      } else {
-        problem.shutter_correction.push_back(map->ShutterCorrection(e, x).cast<float>());
-      }
-      problem.observations.push_back({e.keyframe, static_cast<int>(index.size()), pixel, map->Sigma(e)});
+  const std::vector<char> selected = SelectPoints(map, points_per_keyframe);
+  for (size_t i = 0; i < map.points.size(); ++i) {
+    if (!selected[i] || !bundle.is_touched[i]) continue;
+    const int point = static_cast<int>(bundle.points.size());
+    for (const TrackElement& e : map.points[i].track) {
+      const Eigen::Vector3d x = map.keyframes[e.keyframe].cam_from_root * map.points[i].position;
+      problem.observations.push_back({e.keyframe, point, map.Pixel(e, x), map.Sigma(e)});
+      bundle.elements.push_back(e);
     }
-    index.push_back(static_cast<int>(i));
-    problem.points.push_back(map->points[i].position);
+    bundle.points.push_back(static_cast<int>(i));
+    problem.points.push_back(map.points[i].position);
   }
-  summary.num_points = static_cast<int>(index.size());
-  summary.num_observations = static_cast<int>(problem.observations.size());
-  const BundleSummary bundle = BundleAdjuster().Adjust(options.bundle, &problem, has_positions ? positions : nullptr);
-  summary.success = bundle.success;
-  summary.num_iterations = bundle.iterations;
-  summary.initial_cost = bundle.initial_cost;
-  summary.final_cost = bundle.final_cost;
-  if (!bundle.success) return summary;
-  if (options.find_readouts) {
-    summary.reason = ReadoutsInText(problem.readouts);
-    summary.success = AreTaken(problem.readouts, bundle, options);
-    if (!summary.success) {
-      summary.reason += ", not taken";
-      return summary;
-    }
-    for (size_t s = 0; s < map->submaps.size(); ++s) {
-      map->readouts[s] = problem.readouts[problem.readout_of_camera[s]];
-    }
-  }
+  return bundle;
+}
+
+int TakeMergedBundle(const MergedBundle& bundle, double outlier_squared_error, MergedMap* map) {
   const std::vector<MergedKeyframe> before = map->keyframes;
   for (size_t k = 0; k < map->keyframes.size(); ++k) {
-    if (is_free[k]) map->keyframes[k].cam_from_root = problem.poses[k].cam_from_world;
+    if (bundle.is_free[k]) map->keyframes[k].cam_from_root = bundle.problem.poses[k].cam_from_world;
   }
-  // Points left out move with their keyframes first, then each finds its own place.
-  std::vector<char> others(map->points.size(), 0);
-  for (size_t i = 0; i < others.size(); ++i) others[i] = is_touched[i] && !selected[i];
   MovePointsWithKeyframes(before, map);
-  for (size_t i = 0; i < index.size(); ++i) map->points[index[i]].position = problem.points[i];
+  std::vector<char> others = bundle.is_touched;
+  for (size_t i = 0; i < bundle.points.size(); ++i) {
+    map->points[bundle.points[i]].position = bundle.problem.points[i];
+    others[bundle.points[i]] = 0;
+  }
   RefinePoints(map, &others);
-  summary.num_removed = RemoveOutliers(options.outlier_squared_error, is_touched, map);
+  const int num_removed = RemoveOutliers(outlier_squared_error, bundle.is_touched, map);
   MeasureScales(map);
+  return num_removed;
+}
+
+MergedBundleSummary AdjustMergedMap(const MergedBundleOptions& options, MergedMap* map, const std::vector<int>* window,
+                                    const std::vector<PositionPrior>* positions) {
+  const bool has_positions = positions != nullptr && !positions->empty();
+  MergedBundle bundle = MakeMergedBundle(*map, options.points_per_keyframe, window, !has_positions);
+  const BundleSummary adjusted =
+      BundleAdjuster().Adjust(options.bundle, &bundle.problem, has_positions ? positions : nullptr);
+  MergedBundleSummary summary;
+  summary.success = adjusted.success;
+  summary.num_points = static_cast<int>(bundle.points.size());
+  summary.num_observations = static_cast<int>(bundle.elements.size());
+  summary.num_iterations = adjusted.iterations;
+  summary.initial_cost = adjusted.initial_cost;
+  summary.final_cost = adjusted.final_cost;
+  if (adjusted.success) summary.num_removed = TakeMergedBundle(bundle, options.outlier_squared_error, map);
   return summary;
 }
 

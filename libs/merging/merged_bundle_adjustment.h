@@ -1,6 +1,5 @@
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "libs/base/range.h"
@@ -15,23 +14,12 @@ struct MergedBundleOptions {
   // Points that take part in the joint solution: for each keyframe at least this many of its longest tracks. The others
   // follow, each fitted to the solved poses. 0: all points take part.
   int points_per_keyframe = 250;
-  // Readout times of the flights' rolling shutters are unknowns too. The result is taken only if it lowers the cost by
-  // this fraction and so much (chance: 2), and each is a readout time that there could be; else the map stays as it is.
-  bool find_readouts = false;
-  double min_gain = 0.01;  // 0.002 to 0.006 where all rows were read at once, 0.015 to 0.2 elsewhere
-  double min_drop = 20;
-  double min_readout = 0.002, max_readout = 0.1;    // seconds, either way: a camera may be mounted upside down
   double outlier_squared_error = kChiSquare2Dof99;  // sigma^2; observations beyond it are removed after the adjustment
 
   template <typename Visitor>
   void Visit(Visitor& v) {
     v("bundle", bundle);
     v("points_per_keyframe", points_per_keyframe, Range(0, 1e6), "points; 0: all");
-    v("find_readouts", find_readouts);
-    v("min_gain", min_gain, Range(0, 1), "of the cost");
-    v("min_drop", min_drop, AtLeast(0), "of the cost");
-    v("min_readout", min_readout, AtLeast(0), "s");
-    v("max_readout", max_readout, AtLeast(0), "s");
     v("outlier_squared_error", outlier_squared_error, MoreThan(0), "sigma^2");
   }
 };
@@ -44,8 +32,26 @@ struct MergedBundleSummary {
   int num_iterations = 0;
   int num_removed = 0;  // outlier observations
   double initial_cost = 0, final_cost = 0;
-  std::string reason;  // of finding readout times or not
 };
+
+// A joint solution's unknowns and observations, and where in the merged map they come from.
+struct MergedBundle {
+  BundleProblem problem;               // poses: keyframes of the map; cameras: submaps
+  std::vector<int> points;             // per point of the problem: index into MergedMap::points
+  std::vector<TrackElement> elements;  // per observation
+  std::vector<char> is_free;           // per keyframe
+  std::vector<char> is_touched;        // per point of the map: a free keyframe sees it
+};
+
+// All poses but that of keyframe 0 are free, which is as well if hold_first is false; with a window, those of its
+// keyframes, and the points they see. Pixels are corrected by the shutters of the map.
+MergedBundle MakeMergedBundle(const MergedMap& map, int points_per_keyframe, const std::vector<int>* window = nullptr,
+                              bool hold_first = true);
+
+// Puts the solution into the map. Points that are not in the problem follow: they move with their keyframes, then each
+// finds its own place. Outliers are removed, points left with fewer than two observations are culled, and each
+// keyframe's scale is measured anew. Returns how many observations were removed.
+int TakeMergedBundle(const MergedBundle& bundle, double outlier_squared_error, MergedMap* map);
 
 // Bundle adjustment of a merged map: all poses but keyframe 0, all points. With a window (keyframes), the poses of its
 // keyframes and the points they see; everything else stays. Then outliers are removed, points left with fewer than two

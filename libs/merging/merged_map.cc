@@ -47,6 +47,16 @@ void AddPoints(int submap, const Similarity3& root_from_submap, std::span<std::v
   }
 }
 
+// Octave in which a feature is as uncertain as this, pixels.
+int OctaveOf(const Pyramid& pyramid, double sigma) {
+  int best = 0;
+  for (int octave = 1; octave < pyramid.num_levels; ++octave) {
+    if (std::abs(std::log(pyramid.Sigma(octave) / sigma)) < std::abs(std::log(pyramid.Sigma(best) / sigma)))
+      best = octave;
+  }
+  return best;
+}
+
 }  // namespace
 
 Eigen::Vector2d MergedMap::ShutterCorrection(const TrackElement& element, const Eigen::Vector3d& x_cam) const {
@@ -54,13 +64,13 @@ Eigen::Vector2d MergedMap::ShutterCorrection(const TrackElement& element, const 
   const SubmapView& view = submaps[keyframe.submap];
   const Eigen::Vector2d pixel = element.pixel.cast<double>();
   return mapmend::ShutterCorrection(view.camera, keyframe.motion, x_cam / keyframe.scale,
-                                    RowHeight(view.camera, view.real, pixel));
+                                    LinePlace(view.camera, view.real, pixel, shutters[keyframe.submap].lines));
 }
 
 Eigen::Vector2d MergedMap::Pixel(const TrackElement& element, const Eigen::Vector3d& x_cam) const {
   const MergedKeyframe& keyframe = keyframes[element.keyframe];
   const Eigen::Vector2d pixel = element.pixel.cast<double>();
-  const double readout = readouts[keyframe.submap];
+  const double readout = shutters[keyframe.submap].readout;
   return readout == 0 ? pixel : Eigen::Vector2d(pixel + readout * ShutterCorrection(element, x_cam));
 }
 
@@ -85,7 +95,7 @@ MergedMap MakeMergedMap(const std::vector<SubmapView>& submaps, const std::vecto
                         const OpenFeatureSource& open_features) {
   MergedMap map;
   map.submaps = submaps;
-  map.readouts.assign(submaps.size(), 0);
+  map.shutters.resize(submaps.size());
   size_t num_points = 0;
   for (const SubmapView& view : submaps) num_points += view.submap->points.size();
   map.points.reserve(num_points);
@@ -171,9 +181,43 @@ bool AddToTrack(int point, const TrackElement& element, MergedMap* map) {
   return true;
 }
 
+void AddWidePoints(const WideCommonPoints& points, int submap_a, int submap_b, MergedMap* map) {
+  map->num_wide.resize(map->keyframes.size(), 0);
+  const auto root_from_a = [&](int keyframe) {
+    const MergedKeyframe& k = map->keyframes[keyframe];
+    return k.RootFromCam() * Similarity3(k.keyframe->cam_from_submap);
+  };
+  for (size_t i = 0; i < points.in_a.size(); ++i) {
+    std::vector<TrackElement> track;
+    int seen_by_a = -1;
+    bool is_seen_by_b = false;
+    for (const WideCommonPoints::Sighting& s : points.sightings[i]) {
+      const int keyframe = map->FindKeyframe(s.is_in_b ? submap_b : submap_a, s.keyframe);
+      if (keyframe < 0) continue;
+      if (s.is_in_b) {
+        is_seen_by_b = true;
+      } else {
+        seen_by_a = keyframe;
+      }
+      TrackElement& element = track.emplace_back();
+      element.keyframe = keyframe;
+      element.octave = OctaveOf(map->PyramidOf(keyframe), s.sigma);
+      element.pixel = s.pixel;
+    }
+    if (seen_by_a < 0 || !is_seen_by_b) continue;
+    for (TrackElement& element : track) element.feature = -2 - map->num_wide[element.keyframe]++;
+    std::sort(track.begin(), track.end());
+    MergedPoint& point = map->points.emplace_back();
+    point.position = root_from_a(seen_by_a) * points.in_a[i];
+    point.track = Track(track.size());
+    std::copy(track.begin(), track.end(), point.track.begin());
+    point.first = {submap_a, MapPointId()};
+  }
+}
+
 void RemoveFromTrack(int point, TrackElement element, MergedMap* map) {
   map->points[point].track.EraseIf([&](const TrackElement& e) { return e == element; });
-  map->point_of_feature[element.keyframe][element.feature] = -1;
+  if (element.feature >= 0) map->point_of_feature[element.keyframe][element.feature] = -1;
 }
 
 ReprojectionStatistics MeasureReprojection(const MergedMap& map) {

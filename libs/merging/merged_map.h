@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "libs/connecting/connected_frames.h"
 #include "libs/connecting/local_window.h"
 #include "libs/geometry/similarity3.h"
 #include "libs/merging/rolling_shutter.h"
@@ -28,8 +29,8 @@ struct MergedKeyframe {
   }
 };
 
-// A feature that observes a map point. What geometry asks of it is kept beside it: the features themselves are not
-// held.
+// A feature that observes a map point; a negative one is a wide feature. What geometry asks of it is kept beside it:
+// the features themselves are not held.
 struct TrackElement {
   int keyframe = -1;  // index into MergedMap::keyframes
   int feature : 24 = -1;
@@ -56,6 +57,7 @@ struct MergedPoint {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // root frame
   Track track;  // ascending, at most one per keyframe; empty: fused away or culled
   // The map points of submaps that it is: (submap index, id), the oldest first, then those fused into it, ascending.
+  // A wide point has none: an invalid id.
   std::pair<int, MapPointId> first;
   CompactVector<std::pair<int, MapPointId>> fused;
 };
@@ -66,16 +68,17 @@ struct MergedMap {
   std::vector<MergedPoint> points;                 // by submap, then id, before fusion
   std::vector<std::vector<int>> point_of_feature;  // per keyframe and feature: index into points, -1 without
 
-  std::vector<double> readouts;  // of the rolling shutter, seconds, per submap; 0: all rows at once
+  std::vector<Shutter> shutters;  // per submap
+  std::vector<int> num_wide;      // features so far, per keyframe
 
   const Pinhole& CameraOf(int keyframe) const { return submaps[keyframes[keyframe].submap].camera; }
   const Pyramid& PyramidOf(int keyframe) const { return submaps[keyframes[keyframe].submap].pyramid; }
   // Standard deviation of where a feature lies, pixels.
   double Sigma(const TrackElement& element) const { return PyramidOf(element.keyframe).Sigma(element.octave); }
-  // Pixels to add to where a feature is, per second of readout time, to get where it would be if all rows had been read
-  // at once. x_cam: where its point is, root units.
+  // Pixels to add to where a feature is, per second of readout time, to get where it would be if all lines had been
+  // read at once. x_cam: where its point is, root units.
   Eigen::Vector2d ShutterCorrection(const TrackElement& element, const Eigen::Vector3d& x_cam) const;
-  // Where a feature would be if all rows had been read at once.
+  // Where a feature would be if all lines had been read at once.
   Eigen::Vector2d Pixel(const TrackElement& element, const Eigen::Vector3d& x_cam) const;
   // Squared reprojection error in sigma^2; infinite behind the camera.
   double SquaredError(const MergedPoint& point, const TrackElement& element) const;
@@ -86,6 +89,10 @@ struct MergedMap {
 // Puts every submap in place as it is.
 MergedMap MakeMergedMap(const std::vector<SubmapView>& submaps, const std::vector<Similarity3>& root_from_submap,
                         const OpenFeatureSource& open_features = {});
+
+// Adds what wide features of two submaps see in common, where its place in the first puts it. Points that fewer than
+// two keyframes see, or that only one of the submaps sees, are left out.
+void AddWidePoints(const WideCommonPoints& points, int submap_a, int submap_b, MergedMap* map);
 
 // Sets the motion of each keyframe, which corrections of a rolling shutter need, from the frames of its submap.
 void MeasureMotions(MergedMap* map);

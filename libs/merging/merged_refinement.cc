@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "libs/base/options.h"
@@ -81,6 +82,15 @@ MergedBundleSummary AdjustWindows(const MergedBundleOptions& bundle, const SeamW
   return sum;
 }
 
+// What wide features see on both sides of a gap takes part like any other point.
+void AddWidePoints(const std::vector<RefinementLink>& links, MergedMap* map) {
+  std::set<const WideCommonPoints*> known;
+  for (const RefinementLink& link : links) {
+    if (link.wide != nullptr && known.insert(link.wide.get()).second)
+      AddWidePoints(*link.wide, link.submap_a, link.submap_b, map);
+  }
+}
+
 // Errors of the map's observations with other poses of its keyframes and points fitted to them; the map ends as it was.
 ReprojectionStatistics MeasureWithPoses(const std::vector<MergedKeyframe>& keyframes, MergedMap* map) {
   std::vector<Eigen::Vector3d> positions;
@@ -100,7 +110,7 @@ std::optional<Similarity3> FitSubmap(const MergedMap& map, int submap) {
   for (const MergedPoint& point : map.points) {
     if (point.track.empty()) continue;
     const auto add = [&](const std::pair<int, MapPointId>& member) {
-      if (member.first != submap) return;
+      if (member.first != submap || !member.second.IsValid()) return;
       raw.push_back(map.submaps[submap].submap->points.at(member.second).position.cast<double>());
       merged.push_back(point.position);
     };
@@ -156,7 +166,7 @@ class Refinement {
   void Fuse(size_t round);
   // Fusion of what lies on each other, and bundle adjustment. False: it failed.
   bool Adjust(size_t round);
-  bool FindReadouts();
+  bool FindShutters();
   MergedBundleOptions BundleOptions(int max_iterations) const;
   // The same observations, with the poses of the tree. False: refinement was not worth it.
   bool Compare(const std::vector<MergedKeyframe>& tree_keyframes);
@@ -185,13 +195,14 @@ MergedRefinementResult Refinement::Run(const std::vector<RefinementLink>& links)
     result_.map = std::move(map_);
     return std::move(result_);
   }
-  if (options_.find_readouts) MeasureMotions(&map_);
+  if (options_.shutter.use) MeasureMotions(&map_);
+  AddWidePoints(links, &map_);
   const std::vector<MergedKeyframe> tree_keyframes = map_.keyframes;
   SolveLinks(links);
   bool success = true;
   for (size_t round = 0; round < num_rounds_ && success; ++round) success = Adjust(round);
   // Only now, for what an image read row by row does to a map that is still bent cannot be told.
-  if (success && options_.find_readouts && !by_windows_ && FindReadouts()) success = Adjust(num_rounds_ - 1);
+  if (success && options_.shutter.use && !by_windows_ && FindShutters()) success = Adjust(num_rounds_ - 1);
   if (!success) return GiveUp("bundle adjustment failed; the transforms along the tree stand");
   if (!Compare(tree_keyframes)) {
     return GiveUp(
@@ -277,13 +288,11 @@ bool Refinement::Adjust(size_t round) {
   return adjusted.success;
 }
 
-bool Refinement::FindReadouts() {
-  MergedBundleOptions bundle = BundleOptions(options_.readout_iterations);
-  bundle.find_readouts = true;
-  const MergedBundleSummary found = AdjustMergedMap(bundle, &map_);
-  Report(Format("rolling shutter: %s; %d iterations, cost %.0f to %.0f", found.reason.c_str(), found.num_iterations,
-                found.initial_cost, found.final_cost));
-  return found.success;
+bool Refinement::FindShutters() {
+  const ShutterFindings findings =
+      mapmend::FindShutters(BundleOptions(options_.shutter.iterations), options_.shutter, &map_);
+  Report("rolling shutter: " + findings.told);
+  return findings.found;
 }
 
 bool Refinement::Compare(const std::vector<MergedKeyframe>& tree_keyframes) {

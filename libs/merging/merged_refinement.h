@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "libs/merging/merged_bundle_adjustment.h"
 #include "libs/merging/overlap_matching.h"
 #include "libs/merging/seam_windows.h"
+#include "libs/merging/shutter_search.h"
 #include "libs/optim/sim3_pose_graph.h"
 
 namespace mapmend {
@@ -19,8 +21,9 @@ namespace mapmend {
 struct RefinementLink {
   int submap_a = -1, submap_b = -1;  // indices into the list of submaps
   KeyframeId keyframe_a, keyframe_b;
-  Similarity3 b_from_a;  // between the raw submap frames
-  bool robust = true;    // may be wrong; false: known to agree with all the others
+  Similarity3 b_from_a;                                    // between the raw submap frames
+  bool robust = true;                                      // may be wrong; false: known to agree with all the others
+  std::shared_ptr<const WideCommonPoints> wide = nullptr;  // what wide features see on both sides; null: nothing
 };
 
 struct MergedRefinementOptions {
@@ -45,10 +48,8 @@ struct MergedRefinementOptions {
       1e7;  // and their bundle adjustment begins with such steps that long strips straighten in a few
   int max_keyframes_at_once = 1200;  // beyond, bundle adjustment goes by windows around the seams, in one round
   SeamWindowOptions windows;
-  // At the end the readout times of rolling shutters are looked for, in maps that are adjusted at once; if there are
-  // any, the last round is done again.
-  bool find_readouts = true;
-  int readout_iterations = 12;
+  // At the end, in maps that are adjusted at once; if there are any, the last round is done again.
+  ShutterSearchOptions shutter;
   MapPositionOptions positions;
 
   template <typename Visitor>
@@ -67,8 +68,7 @@ struct MergedRefinementOptions {
     v("large_trust_radius", large_trust_radius, MoreThan(0));
     v("max_keyframes_at_once", max_keyframes_at_once, Range(0, 1e9), "keyframes");
     v("windows", windows);
-    v("find_readouts", find_readouts);
-    v("readout_iterations", readout_iterations, Range(1, 10000));
+    v("shutter", shutter);
     v("positions", positions);
   }
   // Empty, or one line that names the first option that is wrong.

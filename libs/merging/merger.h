@@ -88,8 +88,8 @@ class Merger {
   const ConnectionGraph& graph() const { return graph_; }
   const KeyframeCache& keyframe_cache() const { return search_.cache(); }
   const MergedTransforms& transforms() const { return transforms_; }
-  // Of rolling shutters that the final refinement found, seconds per session.
-  const std::map<std::string, double>& readouts() const { return refinement_.readouts(); }
+  // Rolling ones that the final refinement found, per session.
+  const std::map<std::string, Shutter>& shutters() const { return refinement_.shutters(); }
   uint64_t seed() const { return search_.seed(); }
   int64_t revision() const { return transforms_.revision; }
   bool IsFinal() const { return transforms_.is_final; }

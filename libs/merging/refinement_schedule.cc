@@ -47,7 +47,8 @@ void AddLinks(const Sessions& sessions, const ConnectionGraph& graph, const std:
       const bool was_culled = !ViewSubmap(sessions, pair.older).submap->keyframes.contains(e.keyframe_a) ||
                               !ViewSubmap(sessions, pair.younger).submap->keyframes.contains(e.keyframe_b);
       if (connection.agrees[i] && !was_culled)
-        links->push_back({index.at(pair.older), index.at(pair.younger), e.keyframe_a, e.keyframe_b, e.b_from_a});
+        links->push_back(
+            {index.at(pair.older), index.at(pair.younger), e.keyframe_a, e.keyframe_b, e.b_from_a, true, e.wide});
     }
   }
   for (const auto& [key, loops] : graph.loops()) {
@@ -81,7 +82,7 @@ RefinementScheduleOptions::RefinementScheduleOptions() {
   live.max_keyframes_with_all_points = 0;
   live.max_keyframes_at_once = 600;
   live.windows.max_windows = 4;
-  live.find_readouts = false;
+  live.shutter.use = false;
   live.positions.use = false;
 }
 

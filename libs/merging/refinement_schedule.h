@@ -30,7 +30,7 @@ struct RefinementScheduleOptions {
 };
 
 // Says when the merged map is refined during the flight, makes the task, and keeps what came of it: where the submaps
-// lie relative to each other. The final refinement changes nothing here but the readout times.
+// lie relative to each other. The final refinement changes nothing here but the shutters.
 class RefinementSchedule {
  public:
   explicit RefinementSchedule(const RefinementScheduleOptions& options) : options_(options) {}
@@ -45,15 +45,15 @@ class RefinementSchedule {
   // Takes in the outcome of the live task that was begun last. False if a connection that took part does not hold any
   // more.
   bool Take(const RefinementOutcome& outcome, const ConnectionGraph& graph);
-  void TakeFinal(const RefinementOutcome& outcome) { readouts_ = outcome.readouts; }
+  void TakeFinal(const RefinementOutcome& outcome) { shutters_ = outcome.shutters; }
   // What was refined with a connection that has turned out wrong is bent by it, and forgotten.
   void OnGraphChange(const ConnectionGraph& graph);
   void Forget() { taken_ = {}; }
 
   // Where the last refinement taken in put each submap.
   const std::map<SubmapKey, RefinedPlace>& places() const { return taken_.places; }
-  // Of rolling shutters that the final refinement found, seconds per session.
-  const std::map<std::string, double>& readouts() const { return readouts_; }
+  // Rolling ones that the final refinement found, per session.
+  const std::map<std::string, Shutter>& shutters() const { return shutters_; }
 
  private:
   // What a refinement during the flight was made of, and where it put the submaps.
@@ -66,7 +66,7 @@ class RefinementSchedule {
 
   RefinementScheduleOptions options_;
   Live taken_, begun_;
-  std::map<std::string, double> readouts_;
+  std::map<std::string, Shutter> shutters_;
 };
 
 // Where the tree puts every submap, by age; submaps of one component that were refined together keep their places

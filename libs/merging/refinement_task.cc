@@ -51,7 +51,8 @@ RefinementOutcome RunRefinement(const RefinementTask& task, const std::function<
     std::vector<RefinementLink> links;
     for (const RefinementTask::Link& link : task.links) {
       const int a = local[link.submap_a], b = local[link.submap_b];
-      if (a >= 0 && b >= 0) links.push_back({a, b, link.keyframe_a, link.keyframe_b, link.b_from_a, link.robust});
+      if (a >= 0 && b >= 0)
+        links.push_back({a, b, link.keyframe_a, link.keyframe_b, link.b_from_a, link.robust, link.wide});
     }
     OpenFeatureSource open_features;
     if (open) open_features = [&] { return std::make_unique<StoredFeatures>(open(), &sessions); };
@@ -70,11 +71,12 @@ RefinementOutcome RunRefinement(const RefinementTask& task, const std::function<
     }
     // Of a flight in several components the one with most frames says it: the first.
     for (size_t s = 0; s < members.size(); ++s) {
-      if (result.map.readouts[s] != 0) outcome.readouts.emplace(sessions[s], result.map.readouts[s]);
+      if (result.map.shutters[s].readout != 0) outcome.shutters.emplace(sessions[s], result.map.shutters[s]);
     }
     for (const MergedPoint& p : result.map.points) {
       if (p.track.empty()) continue;
       const auto& [first_submap, first_id] = p.first;
+      if (!first_id.IsValid()) continue;  // a wide one
       refined[first_submap].points.push_back({first_id, p.position.cast<float>()});
       for (const auto& [submap, id] : p.fused) {
         refined[submap].fused.push_back({id, refined[first_submap].key.session, first_id});

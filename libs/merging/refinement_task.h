@@ -28,6 +28,7 @@ struct RefinementTask {
     KeyframeId keyframe_a, keyframe_b;
     Similarity3 b_from_a;
     bool robust = true;  // as RefinementLink
+    std::shared_ptr<const WideCommonPoints> wide = nullptr;
   };
   MergedTransforms transforms;  // where the tree puts every submap
   std::vector<Part> parts;      // as transforms.submaps
@@ -41,7 +42,7 @@ struct RefinementTask {
 struct RefinementOutcome {
   MergedTransforms transforms;  // the places of the refined map; number, cursors and flags are as they were
   std::vector<RefinedSubmap> submaps;
-  std::map<std::string, double> readouts;  // of rolling shutters, seconds per session, where one was found
+  std::map<std::string, Shutter> shutters;  // rolling ones, per session, where one was found
   int64_t state = 0;
   bool is_final = false;
 };

@@ -52,16 +52,20 @@ std::vector<CameraMotion> KeyframeMotions(const Submap& submap) {
   return motions;
 }
 
-double RowHeight(const Pinhole& ideal, const Camera& real, const Eigen::Vector2d& pixel) {
-  if (real.height <= 0 || !real.HasDistortion()) return pixel.y() / ideal.height - 0.5;
-  return real.Project(ideal.Unproject(pixel)).y() / real.height - 0.5;
+double LinePlace(const Pinhole& ideal, const Camera& real, const Eigen::Vector2d& pixel, ScanLines lines) {
+  const bool as_is = real.height <= 0 || !real.HasDistortion();
+  const Eigen::Vector2d in_image = as_is ? pixel : real.Project(ideal.Unproject(pixel));
+  const Eigen::Vector2d size =
+      as_is ? Eigen::Vector2d(ideal.width, ideal.height) : Eigen::Vector2d(real.width, real.height);
+  const int axis = lines == ScanLines::kRows ? 1 : 0;
+  return in_image[axis] / size[axis] - 0.5;
 }
 
 Eigen::Vector2d ShutterCorrection(const Pinhole& camera, const CameraMotion& motion, const Eigen::Vector3d& x_cam,
-                                  double row_height) {
+                                  double line_place) {
   constexpr double kMinDepth = 1e-6;  // as ReprojectionCost's
   if (x_cam.z() < kMinDepth) return Eigen::Vector2d::Zero();
-  return row_height * (ProjectionJacobian(camera, x_cam) * (motion.velocity + motion.turn_rate.cross(x_cam)));
+  return line_place * (ProjectionJacobian(camera, x_cam) * (motion.velocity + motion.turn_rate.cross(x_cam)));
 }
 
 }  // namespace mapmend

@@ -243,4 +243,9 @@ Calibration CalibrateByMap(const CalibrationOptions& options, const CalibrationP
   return result;
 }
 
+std::optional<double> CostWithFreeLens(const CalibrationOptions& options, const CalibrationProblem& problem) {
+  const double cost = CalibrationSolver(options, problem).Solve(true, true);
+  return std::isnan(cost) ? std::nullopt : std::optional(cost);
+}
+
 }  // namespace mapmend

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -61,5 +62,9 @@ struct Calibration {
 // the solution, and from how much worse everything fits with a focal length that is fixed a little off. The first is
 // too small where noise looks like relief (flat ground seen from straight above), the second is not.
 Calibration CalibrateByMap(const CalibrationOptions& options, const CalibrationProblem& problem);
+
+// The robust cost that is left when the focal length and the distortion are free too, whatever they become. Nothing if
+// the adjustment fails.
+std::optional<double> CostWithFreeLens(const CalibrationOptions& options, const CalibrationProblem& problem);
 
 }  // namespace mapmend

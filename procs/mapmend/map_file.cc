@@ -214,7 +214,7 @@ std::string MapFile::Finish(const std::function<void(const std::string&)>& show)
   LauncherFigures figures;
   figures.title = title_;
   figures.images = images.Finish([&] { backend_->Tick(50); }, show);
-  figures.readout_ms = FindCounter(backend_->Health("merger"), "readout_ms");
+  figures.shutter = FindShutter(backend_->Health("merger"));
   figures.processes = backend_->StopAll();
   figures.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (options_.with_merger) TakeOver();

@@ -124,7 +124,7 @@ int Replay(ReplayOptions options) {
     LauncherFigures figures;
     figures.images = images.Finish([&] { backend.Tick(50); }, [&](const std::string& line) { progress.Show(line); });
     if (log.LastRecords().size() == 1) figures.session = log.LastRecords().begin()->first;
-    figures.readout_ms = FindCounter(backend.Health("merger"), "readout_ms");
+    figures.shutter = FindShutter(backend.Health("merger"));
     figures.processes = backend.StopAll();
     figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
     progress.Say(FinishRun(options.out, figures));

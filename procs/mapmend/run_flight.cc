@@ -325,7 +325,7 @@ int RunFlight(const RunInputs& inputs) {
     // A frontend that was killed has not written it.
     if (options.profile && std::filesystem::exists(ProfilePath(options)))
       figures.profile_json = ReadFile(ProfilePath(options));
-    figures.readout_ms = FindCounter(backend.Health("merger"), "readout_ms");
+    figures.shutter = FindShutter(backend.Health("merger"));
     figures.processes = backend.StopAll();
     figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
     if (export_problem.empty()) {

@@ -58,6 +58,12 @@ std::string DescribeMosaic(const Json& mosaic) {
 
 }  // namespace
 
+std::optional<ShutterFigures> FindShutter(const HealthMonitor::Entry* merger) {
+  const std::optional<double> readout_ms = FindCounter(merger, "readout_ms");
+  if (!readout_ms) return std::nullopt;
+  return ShutterFigures{*readout_ms, CounterOr(merger, "readout_by_columns", 0) > 0};
+}
+
 Json ReadSummary(const std::string& out) {
   const std::string path = out + "/summary.json";
   try {
@@ -96,7 +102,10 @@ void CompleteSummary(const std::string& out, const LauncherFigures& figures) {
   }
   summary["processes"] = processes;
   if (figures.images) summary["images"] = {{"stored", figures.images->stored}, {"missing", figures.images->missing}};
-  if (figures.readout_ms) summary["readout_ms"] = *figures.readout_ms;
+  if (figures.shutter) {
+    summary["readout_ms"] = figures.shutter->readout_ms;
+    summary["readout_by"] = figures.shutter->by_columns ? "columns" : "rows";
+  }
   if (const std::string problem = DescribeSmallMap(summary, figures.session); !problem.empty())
     summary["problem"] = problem;
   WriteFile(out + "/summary.json", summary.dump(2) + "\n");
@@ -153,7 +162,8 @@ std::string FormatSummaryTable(const std::string& out) {
                    100 * Number(summary, "max_error_of_depth")));
   }
   if (summary.contains("readout_ms")) {
-    row("shutter", Format("rolling, %.1f ms from the first to the last row; corrected", Number(summary, "readout_ms")));
+    row("shutter", Format("rolling, %.1f ms from the first to the last %s; corrected", Number(summary, "readout_ms"),
+                          summary.value("readout_by", "rows") == "columns" ? "column" : "row"));
   }
   const double wall = Number(summary, "wall_s");
   std::string time = FormatDuration(wall) + Format(" (%.1f frames/s)", wall > 0 ? frames / wall : 0.0);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "procs/mapmend/child_process.h"
+#include "procs/mapmend/health_monitor.h"
 
 // How many keyframes, without those that were culled, have their image in the map.
 struct ImageFigures {
@@ -16,6 +17,13 @@ struct ImageFigures {
 
 // The end of a run: what only the launcher knows goes into summary.json, the report is built again, a table is printed.
 namespace mapmend {
+
+struct ShutterFigures {
+  double readout_ms = 0;    // from the first line of an image to the last
+  bool by_columns = false;  // else by rows
+};
+// As the merger tells it in its health; nothing if it has not found any.
+std::optional<ShutterFigures> FindShutter(const HealthMonitor::Entry* merger);
 
 struct LauncherFigures {
   std::string session;  // the flight that was mapped; empty: none, or several
@@ -28,7 +36,7 @@ struct LauncherFigures {
   std::optional<double> track_ms_median, track_ms_p95;  // of the frontend, if there was one
   std::string profile_json;                             // as the frontend wrote it; empty: none was asked for
   std::optional<ImageFigures> images;                   // of keyframes
-  std::optional<double> readout_ms;                     // of the rolling shutter that the merger found
+  std::optional<ShutterFigures> shutter;                // a rolling one that the merger found
   std::vector<std::pair<std::string, ResourceUsage>> processes;
 };
 
@@ -36,9 +44,9 @@ struct LauncherFigures {
 nlohmann::ordered_json ReadSummary(const std::string& out);
 
 // Adds title, wall_s, frontend {mode, frames_dropped, frames_left_out, bad_messages, untracked {}, track_ms_median,
-// track_ms_p95, profile []}, processes [], images {stored, missing}, readout_ms, and problem (if the main map holds
-// less than half of the flight, as DescribeSmallMap tells it), to OUT/summary.json. Throws std::runtime_error if the
-// file is missing or no JSON object.
+// track_ms_p95, profile []}, processes [], images {stored, missing}, readout_ms, readout_by, and problem (if the main
+// map holds less than half of the flight, as DescribeSmallMap tells it), to OUT/summary.json. Throws std::runtime_error
+// if the file is missing or no JSON object.
 void CompleteSummary(const std::string& out, const LauncherFigures& figures);
 
 // The table for the terminal, from OUT/summary.json. Throws as CompleteSummary does.

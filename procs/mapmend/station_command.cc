@@ -152,7 +152,7 @@ class Station {
       figures.images =
           ImageFigures{static_cast<int>(CounterOr(store, "images_stored", 0)),
                        static_cast<int>(CounterOr(store, "images_awaited", 0) + CounterOr(store, "images_lost", 0))};
-      figures.readout_ms = FindCounter(backend.Health("merger"), "readout_ms");
+      figures.shutter = FindShutter(backend.Health("merger"));
       figures.processes = backend.StopAll();
       figures.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
       if (is_whole) progress_.Say(FinishRun(options_.out, figures));

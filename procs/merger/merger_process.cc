@@ -285,12 +285,15 @@ class MergerLoop {
   void Refine() {
     if (refinement_.IsRunning()) {
       const std::optional<RefinementOutcome> outcome = refinement_.Poll();
-      for (const std::string& what : refinement_.TakeProgress()) output_.OnProgress(what);
+      for (const std::string& what : refinement_.TakeProgress()) {
+        spdlog::info("merger: {}", what);
+        output_.OnProgress(what);
+      }
       if (outcome && merger_.TakeRefinement(*outcome)) {
         spdlog::info("merger: revision {} refined{}", merger_.revision(), merger_.IsFinal() ? ", final" : "");
-        for (const auto& [session, seconds] : merger_.readouts()) {
-          spdlog::info("merger: session {}: images are read row by row, in {:.1f} ms; corrected", session,
-                       1e3 * seconds);
+        for (const auto& [session, shutter] : merger_.shutters()) {
+          spdlog::info("merger: session {}: images are read {}, in {:.1f} ms; corrected", session,
+                       shutter.lines == ScanLines::kRows ? "row by row" : "column by column", 1e3 * shutter.readout);
         }
       }
     }
@@ -339,7 +342,11 @@ class MergerLoop {
     health_.SetCounter("keyframes_cached", merger_.keyframe_cache().num_loaded());
     health_.SetCounter("keyframes_read", static_cast<double>(merger_.keyframe_cache().num_reads()));
     health_.SetCounter("refused", static_cast<double>(num_refused_ + consumer_.NumRefused()));
-    if (!merger_.readouts().empty()) health_.SetCounter("readout_ms", 1e3 * merger_.readouts().begin()->second);
+    if (!merger_.shutters().empty()) {
+      const Shutter& shutter = merger_.shutters().begin()->second;
+      health_.SetCounter("readout_ms", 1e3 * shutter.readout);
+      health_.SetCounter("readout_by_columns", shutter.lines == ScanLines::kColumns ? 1 : 0);
+    }
     if (completed_at_ == NumDelivered() && merger_.IsFinal() && !merger_.RefinementIsDue()) health_.SetState("done");
     health_.Tick();
   }

@@ -117,7 +117,9 @@ std::string Figures(const Json& s) {
                    "median " + Fixed(s["ate_median_m"], 3) + ", max " + Fixed(s["ate_max_m"], 3) + " m");
   }
   if (s.contains("readout_ms")) {
-    html += Figure(Fixed(s["readout_ms"], 1) + " ms", "rolling shutter", "first to last row of an image; corrected");
+    html += Figure(Fixed(s["readout_ms"], 1) + " ms", "rolling shutter",
+                   "first to last " + std::string(s.value("readout_by", "rows") == "columns" ? "column" : "row") +
+                       " of an image; corrected");
   }
   if (s.contains("wall_s")) html += Figure(Fixed(s["wall_s"], 1) + " s", "wall time", "");
   if (s.contains("frontend") && s["frontend"].contains("track_ms_median")) {

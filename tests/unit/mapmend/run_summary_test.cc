@@ -66,7 +66,7 @@ TEST_F(RunSummaryTest, TellsWhatWasDroppedAndRefused) {
   figures.mode = "live";
   figures.frames_dropped = 12;
   figures.bad_messages = 2;
-  figures.readout_ms = 34.56;
+  figures.shutter = ShutterFigures{34.56, true};
   CompleteSummary(out_, figures);
   const auto summary = nlohmann::json::parse(ReadFile(out_ + "/summary.json"));
   EXPECT_EQ(
@@ -76,7 +76,8 @@ TEST_F(RunSummaryTest, TellsWhatWasDroppedAndRefused) {
   EXPECT_NE(table.find("  dropped      12 frames that came while the frontend was busy\n"), std::string::npos) << table;
   EXPECT_NE(table.find("  refused      2 images that were no good"), std::string::npos) << table;
   EXPECT_EQ(summary["readout_ms"], 34.56);
-  EXPECT_NE(table.find("  shutter      rolling, 34.6 ms from the first to the last row; corrected\n"),
+  EXPECT_EQ(summary["readout_by"], "columns");
+  EXPECT_NE(table.find("  shutter      rolling, 34.6 ms from the first to the last column; corrected\n"),
             std::string::npos)
       << table;
 }

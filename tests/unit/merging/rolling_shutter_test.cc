@@ -29,24 +29,27 @@ std::vector<Rigid3> Survey() {
 }
 
 struct Refined {
-  double readout = 0, error = 0;  // seconds; RMS of the camera centres after the best similarity, metres
+  Shutter shutter;
+  double error = 0;  // RMS of the camera centres after the best similarity, metres
   std::string told;
 };
 
-Refined Refine(double readout, bool find) {
+// turned: the camera is held upright, and reads columns.
+Refined Refine(double readout, bool find, bool turned = false) {
   FlightOptions flight_options;
   flight_options.readout = readout;
+  flight_options.reads_columns = turned;
   flight_options.pixel_noise = 0.3;
   SyntheticFlight flight("s", 0, Terrain(), flight_options);
   flight.AddSubmap(Survey(), testing::Frame(0.02, 0.4));
   const Session session = flight.Model();
   MergedRefinementOptions options;
-  options.find_readouts = find;
+  options.shutter.use = find;
   Refined refined;
   const MergedRefinementResult result = RefineMergedMap({testing::ViewOf(session, 0)}, {Similarity3()}, {}, options,
                                                         [&](const std::string& what) { refined.told += what + "\n"; });
   EXPECT_TRUE(result.summary.success) << result.summary.reason;
-  refined.readout = result.map.readouts[0];
+  refined.shutter = result.map.shutters[0];
   std::vector<Eigen::Vector3d> estimated, truth;
   for (const MergedKeyframe& k : result.map.keyframes) {
     estimated.push_back(k.cam_from_root.Center());
@@ -60,9 +63,9 @@ Refined Refine(double readout, bool find) {
 
 TEST(RollingShutter, IsFoundAndTakenOutOfTheMap) {
   const Refined at_once = Refine(0, true), bent = Refine(0.03, false), mended = Refine(0.03, true);
-  EXPECT_EQ(at_once.readout, 0) << at_once.told;
-  EXPECT_EQ(bent.readout, 0);
-  EXPECT_NEAR(mended.readout, 0.03, 0.002) << mended.told;
+  EXPECT_EQ(at_once.shutter.readout, 0) << at_once.told;
+  EXPECT_EQ(bent.shutter.readout, 0);
+  EXPECT_NEAR(mended.shutter.readout, 0.03, 0.002) << mended.told;
   RecordProperty("at_once_mm", static_cast<int>(1000 * at_once.error));
   RecordProperty("bent_mm", static_cast<int>(1000 * bent.error));
   RecordProperty("mended_mm", static_cast<int>(1000 * mended.error));
@@ -76,12 +79,23 @@ TEST(RollingShutter, TheSameMapWhateverTheAllocatorDoes) {
   for (const uint64_t seed : {1, 2, 3}) {
     const testing::ShuffledHeap heap(seed);
     const Refined again = Refine(0.03, true);
-    EXPECT_EQ(first.readout, again.readout) << seed;
+    EXPECT_EQ(first.shutter.readout, again.shutter.readout) << seed;
     EXPECT_EQ(first.error, again.error) << seed;
   }
 }
 
-TEST(RollingShutter, OfACameraUpsideDownReadsTheOtherWay) { EXPECT_NEAR(Refine(-0.03, true).readout, -0.03, 0.002); }
+TEST(RollingShutter, OfACameraUpsideDownReadsTheOtherWay) {
+  EXPECT_NEAR(Refine(-0.03, true).shutter.readout, -0.03, 0.002);
+}
+
+TEST(RollingShutter, OfACameraHeldUprightReadsColumns) {
+  const Refined at_once = Refine(0, true), mended = Refine(0.03, true, true), bent = Refine(0.03, false, true);
+  EXPECT_EQ(mended.shutter.lines, ScanLines::kColumns) << mended.told;
+  EXPECT_NEAR(mended.shutter.readout, 0.03, 0.002) << mended.told;
+  EXPECT_GT(bent.error, 1.5 * mended.error);
+  EXPECT_LT(mended.error, 1.5 * at_once.error);
+  EXPECT_EQ(Refine(0.03, true).shutter.lines, ScanLines::kRows);
+}
 
 // A camera that moves and turns at constant speed; features as the rows were read, exactly.
 TEST(RollingShutter, CorrectionMovesAPixelToWhereItWouldBeAtTheMiddleRow) {
@@ -96,7 +110,7 @@ TEST(RollingShutter, CorrectionMovesAPixelToWhereItWouldBeAtTheMiddleRow) {
     };
     Eigen::Vector2d read = camera.Project(x);
     for (int i = 0; i < 10; ++i) read = pixel_at(kReadout * (read.y() / camera.height - 0.5));
-    const double row = RowHeight(camera, {}, read);
+    const double row = LinePlace(camera, {}, read, ScanLines::kRows);
     const Eigen::Vector2d corrected = read + kReadout * ShutterCorrection(camera, motion, x, row);
     EXPECT_GT((read - camera.Project(x)).norm(), 0.3);
     EXPECT_LT((corrected - camera.Project(x)).norm(), 0.01);
@@ -109,12 +123,12 @@ TEST(RollingShutter, RowsAreThoseOfTheRealImage) {
   Camera real;
   real.width = 640, real.height = 480;
   real.fx = real.fy = 500, real.cx = 320, real.cy = 240;
-  EXPECT_DOUBLE_EQ(RowHeight(real.Ideal(), real, {100, 120}), -0.25);
+  EXPECT_DOUBLE_EQ(LinePlace(real.Ideal(), real, {100, 120}, ScanLines::kRows), -0.25);
   real.distortion[0] = -0.2;
   // The ideal pixel of a feature in the real row 0.
   const Eigen::Vector2f ideal = real.Undistort({{600, 0}})[0];
   EXPECT_LT(ideal.y(), -5);
-  EXPECT_NEAR(RowHeight(real.Ideal(), real, ideal.cast<double>()), -0.5, 1e-3);
+  EXPECT_NEAR(LinePlace(real.Ideal(), real, ideal.cast<double>(), ScanLines::kRows), -0.5, 1e-3);
 }
 
 TEST(RollingShutter, MotionComesFromTheFramesBeforeAndAfter) {
