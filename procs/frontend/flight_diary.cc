@@ -34,41 +34,48 @@ void FlightDiary::OnFrame(const Frame& frame, const FrameOutcome& outcome) {
   const bool is_lost = outcome.state == FrontendState::kLost;
   const bool goes_on = outcome.submap == submap_ && (is_lost || outcome.state == FrontendState::kTracking);
   if (phase_ != Phase::kLooking && !goes_on) CloseSubmap(frame);
+  if (outcome.submap_begin >= 0) NoteBegin(frame, outcome);
   if (phase_ == Phase::kTracking && is_lost) {
-    phase_ = Phase::kLost;
-    loss_cause_ = ToString(outcome.cause);
-    health_->SetCounter("lost_frame", last_frame_);
-    health_->SetCounter("lost_utime", static_cast<double>(last_utime_));
-    health_->SetCounter("found_frame", -1);
-    spdlog::info("frontend: tracking lost at frame {} ({}): {}", frame.index, FormatUtime(frame.utime),
-                 Readable(ToString(outcome.cause)));
-    events_->Add("lost", {{"frame", frame.index},
-                          {"utime", frame.utime},
-                          {"submap", submap_.value},
-                          {"reason", ToString(outcome.cause)},
-                          {"last_frame", last_frame_}});
+    NoteLoss(frame, outcome);
   } else if (phase_ == Phase::kLost && outcome.state == FrontendState::kTracking) {
     phase_ = Phase::kTracking;
     SetFound(frame.index);
     spdlog::info("frontend: submap {} found again at frame {} ({})", submap_.value, frame.index,
                  FormatUtime(frame.utime));
     events_->Add("found_again", {{"frame", frame.index}, {"utime", frame.utime}, {"submap", submap_.value}});
-  } else if (outcome.submap_begin >= 0) {
-    phase_ = Phase::kTracking;
-    submap_ = outcome.submap;
-    if (any_submap_) SetFound(outcome.submap_begin);
-    any_submap_ = true;
-    spdlog::info("frontend: submap {} begins with frame {}, seen at frame {} ({})", submap_.value, outcome.submap_begin,
-                 frame.index, FormatUtime(frame.utime));
-    events_->Add("submap", {{"frame", frame.index},
-                            {"utime", frame.utime},
-                            {"submap", submap_.value},
-                            {"first_frame", outcome.submap_begin}});
   }
-  if (phase_ == Phase::kTracking) {
+  if (outcome.state == FrontendState::kTracking) {
     last_frame_ = frame.index;
     last_utime_ = frame.utime;
   }
+}
+
+void FlightDiary::NoteBegin(const Frame& frame, const FrameOutcome& outcome) {
+  phase_ = Phase::kTracking;
+  submap_ = outcome.submap;
+  if (any_submap_) SetFound(outcome.submap_begin);
+  any_submap_ = true;
+  spdlog::info("frontend: submap {} begins with frame {}, seen at frame {} ({})", submap_.value, outcome.submap_begin,
+               frame.index, FormatUtime(frame.utime));
+  events_->Add("submap", {{"frame", frame.index},
+                          {"utime", frame.utime},
+                          {"submap", submap_.value},
+                          {"first_frame", outcome.submap_begin}});
+}
+
+void FlightDiary::NoteLoss(const Frame& frame, const FrameOutcome& outcome) {
+  phase_ = Phase::kLost;
+  loss_cause_ = ToString(outcome.cause);
+  health_->SetCounter("lost_frame", last_frame_);
+  health_->SetCounter("lost_utime", static_cast<double>(last_utime_));
+  health_->SetCounter("found_frame", -1);
+  spdlog::info("frontend: tracking lost at frame {} ({}): {}", frame.index, FormatUtime(frame.utime),
+               Readable(ToString(outcome.cause)));
+  events_->Add("lost", {{"frame", frame.index},
+                        {"utime", frame.utime},
+                        {"submap", submap_.value},
+                        {"reason", ToString(outcome.cause)},
+                        {"last_frame", last_frame_}});
 }
 
 void FlightDiary::Count(const std::string& cause, int num_frames) {

@@ -29,6 +29,8 @@ class FlightDiary {
 
   void Count(const std::string& cause, int num_frames);
   void SetFound(int frame);
+  void NoteBegin(const Frame& frame, const FrameOutcome& outcome);
+  void NoteLoss(const Frame& frame, const FrameOutcome& outcome);
   void CloseSubmap(const Frame& frame);
 
   EventLog* events_;

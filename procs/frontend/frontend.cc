@@ -35,8 +35,10 @@ Frontend::Frontend(const FrontendOptions& options, const Pinhole& camera, const 
       mapper_(options.mapper, camera, pyramid),
       diagnosis_(options.diagnosis, camera.width),
       keyframes_(options.keyframes),
-      publisher_(options.publishing, vocabulary, std::move(emit)),
+      publisher_(options.publishing, camera, pyramid, vocabulary, std::move(emit)),
       starter_(options.starter, camera, pyramid, &tracker_, &keyframes_, &mapper_, &publisher_),
+      trial_(options.trial, camera),
+      second_opinion_(options.second_opinion, options.starter.initializer, camera, pyramid, &tracker_, &mapper_),
       relocaliser_(options.relocaliser, vocabulary),
       wide_(options.wide),
       motion_(options.motion) {
@@ -82,6 +84,8 @@ void Frontend::Begin(const Initialization& initialization, FrameOutcome* outcome
   std::unique_ptr<WorkingMap> map = starter_.Start(initialization, &ids_);
   if (!map) return;
   map_ = std::move(map);
+  trial_.Begin(initialization, *map_);
+  second_opinion_.Begin();
   for (const WorkingKeyframe& keyframe : map_->Keyframes()) wide_.OnKeyframe(keyframe.frame);
   frames_since_start_ = 0;
   lost_ = {};
@@ -148,23 +152,44 @@ FrameOutcome Frontend::OnTracked(const FramePtr& frame, const TrackResult& resul
     InsertKeyframe(frame, result);
     outcome.cam_from_submap = map_->Keyframe(last_keyframe_).cam_from_submap;
   } else {
-    publisher_.NoteFrame(*map_, *frame, result.cam_from_submap, result.reference_keyframe);
+    publisher_.NoteFrame(*map_, *frame, result);
     // A keyframe at hand publishes them anyway, and records must not be emitted by two threads at a time.
     if (!mapping_ || mapping_->NumUnfinished() == 0)
-      publisher_.PublishWaitingFrames(frame->utime, map_->Id(), mapping_ != nullptr);
+      publisher_.PublishWaitingFrames(frame->utime, *map_, mapping_ != nullptr);
   }
   motion_.Add(frame, outcome.cam_from_submap, outcome.keyframe ? last_keyframe_ : KeyframeIndex(), follows);
-  if (!publisher_.Believed() && frames_since_start_ >= options_.confirm_frames)
-    outcome.submap_begin = Believe(frame->utime);
+  if (!publisher_.Believed()) {
+    if (BeginningStands(frame, result, &outcome)) outcome.submap_begin = Believe(frame->utime);
+    starter_.Keep(frame);
+  }
   if (publisher_.Believed()) wide_.OnTracked(*map_);
   return outcome;
+}
+
+bool Frontend::BeginningStands(const FramePtr& frame, const TrackResult& tracked, FrameOutcome* outcome) {
+  if (frames_since_start_ < options_.confirm_frames) return false;
+  const BeginningTrial::Verdict verdict = trial_.Next(tracked.cam_from_submap, tracked.points, *map_);
+  if (verdict != BeginningTrial::Verdict::kAsk) return verdict == BeginningTrial::Verdict::kStands;
+  const StageTimer timer("track/trial");
+  const Initialization wider = starter_.BeginWith(map_->Keyframe(KeyframeIndex(0)).frame, frame);
+  if (wider.reason == LossReason::kTooFewMatches) return true;
+  if (!wider.success) {
+    trial_.Postpone();
+    return false;
+  }
+  if (!trial_.Contradicts(wider, tracked.cam_from_submap, *map_)) return true;
+  GiveUpBeginning();
+  *outcome = FrameOutcome();
+  outcome->abandoned = outcome->reason = outcome->cause = LossReason::kAmbiguous;
+  Begin(wider, outcome);
+  return false;
 }
 
 void Frontend::TrackLostFrames() {
   std::reverse(lost_.frames.begin(), lost_.frames.end());
   for (const FramePtr& frame : lost_.frames) {
     const TrackResult result = tracker_.TrackAfterwards({last_reference_, last_keyframe_}, *frame, map_.get());
-    if (result.success) publisher_.NoteFrame(*map_, *frame, result.cam_from_submap, result.reference_keyframe);
+    if (result.success) publisher_.NoteFrame(*map_, *frame, result);
   }
   lost_ = {};
 }
@@ -174,6 +199,7 @@ int Frontend::Believe(int64_t utime) {
   publisher_.Believe();
   const TrackedFrame first = publisher_.FirstFrame();
   starter_.Clear();
+  trial_.Clear();
   wide_.OnBelieved(first.utime);
   publisher_.Publish(utime, map_.get());
   return first.frame;
@@ -187,6 +213,8 @@ FrameOutcome Frontend::OnLost(const FramePtr& frame, LossReason reason) {
   if (lost_.Count() == 0) lost_.reason = outcome.reason;
   lost_.frames.push_back(frame);
   ++lost_.count;
+  if (!publisher_.Believed() && frames_since_start_ >= options_.confirm_frames)
+    outcome.submap_begin = Believe(motion_.Last()->utime);  // it cannot be asked any more
   if (!publisher_.Believed()) {
     const LossReason cause = diagnosis_.OfGivingUp(outcome.cause);
     AbandonSubmap();
@@ -234,6 +262,7 @@ void Frontend::InsertKeyframe(const FramePtr& frame, const TrackResult& tracked)
   }
   const auto begin = std::chrono::steady_clock::now();
   mapper_.Process(last_keyframe_, map_.get());
+  SeekSecondOpinion();
   publisher_.Publish(frame->utime, map_.get());
   mapping_s_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
@@ -243,10 +272,15 @@ void Frontend::MapKeyframe(KeyframeIndex keyframe, MapLock* lock) {
   const StageTimer timer("map/keyframe");
   const int64_t utime = map_->Keyframe(keyframe).frame->utime;
   mapper_.Process(keyframe, map_.get(), lock);
+  SeekSecondOpinion();
   RecordPublisher::Records records = publisher_.Take(utime, keyframe, map_.get());
   lock->unlock();
   publisher_.EmitAll(std::move(records));
   lock->lock();
+}
+
+void Frontend::SeekSecondOpinion() {
+  if (const auto new_of_old = second_opinion_.Seek(map_.get())) publisher_.OnReplaced(*map_, *new_of_old);
 }
 
 void Frontend::WaitForMapping(size_t unfinished_keyframes) {
@@ -255,10 +289,15 @@ void Frontend::WaitForMapping(size_t unfinished_keyframes) {
 }
 
 void Frontend::AbandonSubmap() {
+  starter_.NoteMistake(map_->Keyframes().front().frame);
+  trial_.Clear();
+  GiveUpBeginning();
+}
+
+void Frontend::GiveUpBeginning() {
   WaitForMapping();
   publisher_.Forget();
   ids_.next_submap = map_->Id().value;
-  starter_.NoteMistake(map_->Keyframes().front().frame);
   LeaveSubmap();
 }
 
@@ -282,6 +321,7 @@ void Frontend::LeaveSubmap() {
 void Frontend::Finish(bool in_haste) {
   const Locked locked(&lock_);
   if (in_haste) wide_.GiveUp();
+  if (map_ && !publisher_.Believed() && frames_since_start_ >= options_.confirm_frames) Believe(motion_.Last()->utime);
   if (map_ && publisher_.Believed()) {
     const int losses = num_losses_;
     CloseSubmap(LossReason::kEndOfInput, "the input ended");

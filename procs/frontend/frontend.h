@@ -8,6 +8,7 @@
 #include "libs/base/range.h"
 #include "libs/geometry/camera.h"
 #include "libs/stream/records.h"
+#include "procs/frontend/beginning_trial.h"
 #include "procs/frontend/keyframe_policy.h"
 #include "procs/frontend/local_mapper.h"
 #include "procs/frontend/loss_diagnosis.h"
@@ -15,6 +16,7 @@
 #include "procs/frontend/motion_model.h"
 #include "procs/frontend/record_publisher.h"
 #include "procs/frontend/relocaliser.h"
+#include "procs/frontend/second_opinion.h"
 #include "procs/frontend/submap_starter.h"
 #include "procs/frontend/tracker.h"
 #include "procs/frontend/wide_requests.h"
@@ -25,6 +27,8 @@ class Vocabulary;
 
 struct FrontendOptions {
   SubmapStarterOptions starter;
+  BeginningTrialOptions trial;
+  SecondOpinionOptions second_opinion;
   TrackerOptions tracker;
   LocalMapperOptions mapper;
   MotionModelOptions motion;
@@ -39,7 +43,7 @@ struct FrontendOptions {
   int max_lost_frames = 3;         // consecutive frames without orientation: the submap is closed (paper §3.2)
   int relocalisation_frames = 10;  // further frames in which the submap may be found again before it is closed
   double jump_found_share = 0.15;  // of the points in view that must be found to believe a jump
-  int confirm_frames = 2;          // frames that must be tracked in a new submap before it is believed
+  int confirm_frames = 2;          // frames that must be tracked in a new submap before it is believed, at least
   bool mapping_thread = false;     // keyframes join the map while tracking goes on: fast, but the map depends on timing
   int max_unmapped_keyframes = 2;  // with mapping_thread: when more are not finished, tracking waits
 
@@ -47,6 +51,8 @@ struct FrontendOptions {
   template <typename Visitor>
   void Visit(Visitor& v) {
     v("starter", starter);
+    v("trial", trial);
+    v("second_opinion", second_opinion);
     v("tracker", tracker);
     v("mapper", mapper);
     v("motion", motion);
@@ -129,19 +135,24 @@ class Frontend {
   void WaitToRelocalise();
   // Starts a submap if initialisation has succeeded, and says so in the outcome of its second frame.
   void Begin(const Initialization& initialization, FrameOutcome* outcome);
+  // Whether a new submap is to be believed with this frame. It may be begun anew instead, and says so in the outcome.
+  bool BeginningStands(const FramePtr& frame, const TrackResult& tracked, FrameOutcome* outcome);
   // Frames that failed before one that was tracked may be seen from there.
   void TrackLostFrames();
   double MedianDepth(const TrackResult& tracked) const;
   bool NeedsKeyframe(const TrackResult& tracked) const;
   void InsertKeyframe(const FramePtr& frame, const TrackResult& tracked);
   void MapKeyframe(KeyframeIndex keyframe, MapLock* lock);
+  void SeekSecondOpinion();
   void WaitForMapping(size_t unfinished_keyframes = 0);
   // Wide features that are to be published with this frame.
   void EmitWide();
   // The submap is believed from now on. Returns its first frame.
   int Believe(int64_t utime);
   void CloseSubmap(LossReason reason, const std::string& detail);
+  // Of a submap that is not believed: the second keeps the frames, to begin anew.
   void AbandonSubmap();
+  void GiveUpBeginning();
   void LeaveSubmap();
 
   FrontendOptions options_;
@@ -151,6 +162,8 @@ class Frontend {
   KeyframePolicy keyframes_;
   RecordPublisher publisher_;
   SubmapStarter starter_;
+  BeginningTrial trial_;
+  SecondOpinion second_opinion_;
   Relocaliser relocaliser_;
   WideRequests wide_;
   IdSource ids_;

@@ -51,9 +51,31 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
       refused_cause_ = result.cause;
     }
   }
+  Keep(frame);
+  return result;
+}
+
+void Initializer::Keep(const FramePtr& frame) {
   frames_.push_back(frame);
   while (static_cast<int>(frames_.size()) > options_.max_buffered_frames) frames_.pop_front();
-  return result;
+}
+
+Initialization Initializer::BeginWith(const FramePtr& first, const FramePtr& second) const {
+  const auto at = std::find(frames_.begin(), frames_.end(), first);
+  if (at != frames_.end()) return Try(first, second, Between(static_cast<int>(at - frames_.begin())));
+  Initialization none;
+  none.reason = LossReason::kTooFewMatches;
+  return none;
+}
+
+std::vector<FramePtr> Initializer::Between(int first) const {
+  const int n = static_cast<int>(frames_.size());
+  std::vector<FramePtr> between;
+  for (int part = 1; part <= kNumBetween; ++part) {
+    const int j = first + (n - first) * part / (kNumBetween + 1);
+    if (j > first && (between.empty() || between.back() != frames_[j])) between.push_back(frames_[j]);
+  }
+  return between;
 }
 
 // The oldest partner of a range first: it has the widest baseline. If it shares too little with this frame, younger
@@ -62,15 +84,9 @@ Initialization Initializer::AddFrame(const FramePtr& frame) {
 Initialization Initializer::TryPartners(const FramePtr& frame, int oldest, int newest) const {
   Initialization result;
   result.reason = LossReason::kTooFewMatches;
-  const int n = static_cast<int>(frames_.size());
   for (int trial = 0; trial < kMaxTrials && oldest <= newest; ++trial) {
     const int i = trial == 0 ? oldest : oldest + (newest - oldest) / 2;
-    std::vector<FramePtr> between;
-    for (int part = 1; part <= kNumBetween; ++part) {
-      const int j = i + (n - i) * part / (kNumBetween + 1);
-      if (j > i && (between.empty() || between.back() != frames_[j])) between.push_back(frames_[j]);
-    }
-    const Initialization attempt = Try(frames_[i], frame, between);
+    const Initialization attempt = Try(frames_[i], frame, Between(i));
     if (attempt.success) return attempt;
     if (result.reason == LossReason::kTooFewMatches) {
       result.reason = attempt.reason;

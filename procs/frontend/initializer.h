@@ -76,6 +76,10 @@ class Initializer {
       : options_(options), camera_(camera), pyramid_(pyramid) {}
 
   Initialization AddFrame(const FramePtr& frame);
+  // A beginning with these two frames, the first of which is kept; nothing comes of it with another.
+  Initialization BeginWith(const FramePtr& first, const FramePtr& second) const;
+  // Keeps a frame without trying it.
+  void Keep(const FramePtr& frame);
   void Clear() {
     frames_.clear();
     refused_utime_ = kNever;
@@ -86,6 +90,8 @@ class Initializer {
   void DropBefore(const FramePtr& frame);
 
  private:
+  // Some frames between one that is kept and the next one.
+  std::vector<FramePtr> Between(int first) const;
   Initialization TryPartners(const FramePtr& frame, int oldest, int newest) const;  // indices of frames_
   Initialization Try(const FramePtr& first, const FramePtr& second, const std::vector<FramePtr>& between) const;
   // Index of the candidate that is right; -1: two explain the images nearly equally well.

@@ -10,15 +10,21 @@ struct KeyframePolicyOptions {
   double min_shared = 0.7;        // inliers, of the solid points of the reference keyframe: fewer call for a keyframe
   int comfortable_inliers = 100;  // or fewer than this
   double max_angle_deg = 3;       // or points seen under an angle that differs by this much (median)
-  int urgent_inliers = 50;        // fewer: the submap might be lost without a keyframe
-  int solid_observations = 3;     // keyframes that must see a point for it to count as solid ...
-  int solid_early = 2;            // ... as long as the submap has no more keyframes than this
+  // While a submap has at most so many keyframes, a frame becomes one as well if its points' parallax has grown by this
+  // factor (median): depths become so much more certain.
+  int young_keyframes = 8;
+  double parallax_growth = 1.5;
+  int urgent_inliers = 50;     // fewer: the submap might be lost without a keyframe
+  int solid_observations = 3;  // keyframes that must see a point for it to count as solid ...
+  int solid_early = 2;         // ... as long as the submap has no more keyframes than this
 
   template <typename Visitor>
   void Visit(Visitor& v) {
     v("min_shared", min_shared, Range(0, 1));
     v("comfortable_inliers", comfortable_inliers, Range(0, 100000));
     v("max_angle_deg", max_angle_deg, Range(0.1, 45), "degrees");
+    v("young_keyframes", young_keyframes, Range(0, 100000), "keyframes");
+    v("parallax_growth", parallax_growth, AtLeast(1));
     v("urgent_inliers", urgent_inliers, Range(0, 100000));
     v("solid_observations", solid_observations, Range(1, 100));
     v("solid_early", solid_early, Range(1, 100));
@@ -32,7 +38,13 @@ struct KeyframeEvidence {
   // Cosine of the median angle between the rays of frame and keyframe to the points. Parallax, not motion of the image:
   // a turn on the spot gives nothing to triangulate.
   double cos_angle = 1;
+  double parallax_growth = 0;  // as ParallaxGrowth, of a frame in a young submap; else 0
 };
+
+// By what factor a frame would widen the angle under which its points are seen: the median, over its points, of the
+// largest angle between its ray and those of the point's keyframes, over the angle between the rays of the point's
+// first and last keyframe. 0 without points.
+double ParallaxGrowth(const WorkingMap& map, const TrackResult& tracked);
 
 // Whether a frame becomes a keyframe.
 class KeyframePolicy {

@@ -8,7 +8,6 @@
 namespace mapmend {
 namespace {
 
-constexpr size_t kMinFixed = 2;         // keyframes that hold frame and scale
 constexpr size_t kMinObservations = 2;  // of a point: fewer say nothing about the poses
 
 }  // namespace
@@ -17,9 +16,10 @@ void LocalBundle::AdjustAround(KeyframeIndex keyframe, WorkingMap* map, MapLock*
   const StageTimer timer("map/bundle");
   std::vector<KeyframeIndex> free = MostCovisible(keyframe, *map);
   std::vector<KeyframeIndex> fixed = FixedFor(free, *map);
-  // With too few fixed keyframes the oldest free ones are fixed.
+  // In a young submap its oldest keyframe holds the frame. What the first two are to each other is as uncertain as the
+  // rest; the scale, which nothing changes, needs no hold.
   std::sort(free.begin(), free.end());
-  while (fixed.size() < kMinFixed && free.size() > 1) {
+  if (fixed.empty() && free.size() > 1) {
     fixed.push_back(free.front());
     free.erase(free.begin());
   }
@@ -28,7 +28,9 @@ void LocalBundle::AdjustAround(KeyframeIndex keyframe, WorkingMap* map, MapLock*
 
 void LocalBundle::AdjustAll(WorkingMap* map) {
   std::vector<KeyframeIndex> free, fixed;
-  for (KeyframeIndex k(0); k <= map->LastKeyframe(); ++k) (fixed.empty() ? fixed : free).push_back(k);
+  for (KeyframeIndex k(0); k <= map->LastKeyframe(); ++k) {
+    if (!map->Keyframe(k).removed) (fixed.empty() ? fixed : free).push_back(k);
+  }
   Adjust(free, fixed, options_.final_iterations, map, nullptr);
 }
 

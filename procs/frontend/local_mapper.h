@@ -27,7 +27,7 @@ class LocalMapper {
   // lock: given back between steps and while bundle adjustment computes; meanwhile keyframes may join the map, nothing
   // may leave it. Null: nobody else uses the map.
   void Process(KeyframeIndex keyframe, WorkingMap* map, MapLock* lock = nullptr);
-  // Bundle adjustment of all keyframes, for a submap that has just begun.
+  // Bundle adjustment of all keyframes, of those that were not culled.
   void AdjustAll(WorkingMap* map) { bundle_.AdjustAll(map); }
 
  private:

@@ -10,8 +10,9 @@ constexpr KeyframeIndex kFirst(0), kSecond(1);  // of a submap that has just beg
 
 }  // namespace
 
-std::unique_ptr<WorkingMap> SubmapStarter::MapOf(const Initialization& initialization, IdSource* ids) const {
-  auto map = std::make_unique<WorkingMap>(SubmapId(ids->next_submap), pyramid_, ids);
+std::unique_ptr<WorkingMap> MapOfBeginning(const Initialization& initialization, SubmapId id, const Pyramid& pyramid,
+                                           LocalMapper* mapper, IdSource* ids) {
+  auto map = std::make_unique<WorkingMap>(id, pyramid, ids);
   map->AddKeyframe(initialization.first, Rigid3());
   map->AddKeyframe(initialization.second, initialization.second_from_first);
   for (const InitialPoint& p : initialization.points) {
@@ -20,13 +21,13 @@ std::unique_ptr<WorkingMap> SubmapStarter::MapOf(const Initialization& initializ
     map->AddObservation(point, kSecond, p.second_feature);
     map->RefreshPoint(point);
   }
-  mapper_->AdjustAll(map.get());
+  mapper->AdjustAll(map.get());
   return map;
 }
 
 std::unique_ptr<WorkingMap> SubmapStarter::Start(const Initialization& initialization, IdSource* ids) {
   const IdSource ids_before = *ids;
-  std::unique_ptr<WorkingMap> map = MapOf(initialization, ids);
+  std::unique_ptr<WorkingMap> map = MapOfBeginning(initialization, SubmapId(ids->next_submap), pyramid_, mapper_, ids);
   if (map->NumPoints() < options_.initializer.min_points) {
     *ids = ids_before;
     return nullptr;
@@ -46,7 +47,7 @@ void SubmapStarter::TrackBetween(const Initialization& initialization, WorkingMa
   for (at = at == frames.end() ? at : at + 1; at != frames.end(); ++at) {
     if (*at == initialization.second) continue;
     const TrackResult result = tracker_->TrackAfterwards({kFirst, kSecond}, **at, map);
-    if (result.success) publisher_->NoteFrame(*map, **at, result.cam_from_submap, result.reference_keyframe);
+    if (result.success) publisher_->NoteFrame(*map, **at, result);
   }
 }
 
@@ -67,7 +68,7 @@ void SubmapStarter::TrackBefore(const Initialization& initialization, WorkingMap
       mapper_->Process(hint, map);
       publisher_->NoteKeyframe(*map, hint);
     } else {
-      publisher_->NoteFrame(*map, *frame, result.cam_from_submap, result.reference_keyframe);
+      publisher_->NoteFrame(*map, *frame, result);
     }
   }
 }

@@ -23,6 +23,10 @@ struct SubmapStarterOptions {
   }
 };
 
+// The map of two frames, bundle adjusted.
+std::unique_ptr<WorkingMap> MapOfBeginning(const Initialization& initialization, SubmapId id, const Pyramid& pyramid,
+                                           LocalMapper* mapper, IdSource* ids);
+
 // The beginning of a submap (paper §3.1, §3.2): two frames that see the same ground from different places become its
 // first keyframes; frames between and before them, which came without a pose, are tracked in it afterwards.
 class SubmapStarter {
@@ -40,6 +44,12 @@ class SubmapStarter {
 
   // A frame without a pose. With success, Start makes a submap of the two frames.
   Initialization AddFrame(const FramePtr& frame) { return initializer_.AddFrame(frame); }
+  // A frame that was tracked in a submap that is not believed yet.
+  void Keep(const FramePtr& frame) { initializer_.Keep(frame); }
+  // As AddFrame, with a first frame that is kept.
+  Initialization BeginWith(const FramePtr& first, const FramePtr& second) const {
+    return initializer_.BeginWith(first, second);
+  }
   // Null if bundle adjustment leaves too few points; then no id is used up. The frames with a pose are noted with the
   // publisher: the two first, then others.
   std::unique_ptr<WorkingMap> Start(const Initialization& initialization, IdSource* ids);
@@ -49,7 +59,6 @@ class SubmapStarter {
   void NoteMistake(const FramePtr& first);
 
  private:
-  std::unique_ptr<WorkingMap> MapOf(const Initialization& initialization, IdSource* ids) const;
   void TrackBetween(const Initialization& initialization, WorkingMap* map);
   void TrackBefore(const Initialization& initialization, WorkingMap* map);
 

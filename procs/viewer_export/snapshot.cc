@@ -7,6 +7,8 @@
 #include <set>
 #include <utility>
 
+#include "libs/geometry/interpolation.h"
+
 namespace mapmend {
 namespace {
 
@@ -33,7 +35,8 @@ Rigid3 Follow(const Rigid3& cam_from_keyframe, const RefinedSubmap::Keyframe& ke
   return Rigid3(cam_from_keyframe.rotation, keyframe.scale * cam_from_keyframe.translation) * keyframe.cam_from_root;
 }
 
-// Places the frames of one submap.
+// Places the frames of one submap. A frame follows the refined keyframes on both sides of it, in time, the more the
+// nearer they are.
 class FramePlacer {
  public:
   FramePlacer(const MapModel& model, const SnapshotSubmap& submap)
@@ -46,13 +49,14 @@ class FramePlacer {
 
   Rigid3 Place(const TrackedFrame& frame) const {
     if (refined_times_.empty()) return TransformWorld(submap_.submap->CamFromSubmap(frame), submap_.root_from_submap);
-    const TrackedFrame resolved = submap_.submap->Resolved(frame);
-    const auto it = refined_.find(resolved.keyframe);
-    if (it != refined_.end()) return Follow(resolved.cam_from_keyframe, it->second);
-    const KeyframeId nearest = NearestRefined(frame.utime);
-    const Rigid3 cam_from_nearest =
-        submap_.submap->CamFromSubmap(frame) * submap_.submap->keyframes.at(nearest).cam_from_submap.Inverse();
-    return Follow(cam_from_nearest, refined_.at(nearest));
+    const auto after =
+        std::lower_bound(refined_times_.begin(), refined_times_.end(), std::pair(frame.utime, KeyframeId()));
+    if (after == refined_times_.end()) return PlaceBy(frame, refined_times_.back().second);
+    if (after == refined_times_.begin() || after->first == frame.utime) return PlaceBy(frame, after->second);
+    const auto before = std::prev(after);
+    const double share =
+        static_cast<double>(frame.utime - before->first) / static_cast<double>(after->first - before->first);
+    return Between(PlaceBy(frame, before->second), PlaceBy(frame, after->second), share);
   }
 
   int64_t KeyframeDistance(const TrackedFrame& frame) const {
@@ -60,11 +64,10 @@ class FramePlacer {
   }
 
  private:
-  KeyframeId NearestRefined(int64_t utime) const {
-    auto it = std::lower_bound(refined_times_.begin(), refined_times_.end(), std::make_pair(utime, KeyframeId()));
-    if (it == refined_times_.end() || (it != refined_times_.begin() && utime - (it - 1)->first <= it->first - utime))
-      --it;
-    return it->second;
+  Rigid3 PlaceBy(const TrackedFrame& frame, KeyframeId keyframe) const {
+    const Rigid3 cam_from_keyframe =
+        submap_.submap->CamFromSubmap(frame) * submap_.submap->keyframes.at(keyframe).cam_from_submap.Inverse();
+    return Follow(cam_from_keyframe, refined_.at(keyframe));
   }
 
   const MapModel& model_;
@@ -77,10 +80,9 @@ std::vector<MergedFrame> PlaceFrames(const MapModel& model, const SnapshotSubmap
   const FramePlacer placer(model, submap);
   std::map<int, MergedFrame> by_frame;
   for (const TrackedFrame& frame : submap.submap->frames) {
-    const int64_t distance = placer.KeyframeDistance(frame);
-    const auto [it, inserted] = by_frame.try_emplace(frame.frame);
-    if (!inserted && it->second.keyframe_distance_us < distance) continue;
-    it->second = {submap.session, frame.frame, frame.utime, placer.Place(frame), distance};
+    // What was told last counts.
+    by_frame[frame.frame] = {submap.session, frame.frame, frame.utime, placer.Place(frame),
+                             placer.KeyframeDistance(frame)};
   }
   std::vector<MergedFrame> frames;
   for (const auto& [index, frame] : by_frame) frames.push_back(frame);

@@ -15,13 +15,19 @@ FramePtr FrameAt(int index) {
   return frame;
 }
 
+TrackResult TrackedAt(KeyframeIndex reference) {
+  TrackResult tracked;
+  tracked.reference_keyframe = reference;
+  return tracked;
+}
+
 // A submap of keyframes 0 and 1 (frames 0 and 2), frame 1 refers to the first.
 class RecordPublisherTest : public testing::Test {
  protected:
   RecordPublisherTest() {
     publisher.Begin();
     AddKeyframe(0);
-    publisher.NoteFrame(map, *FrameAt(1), Rigid3(), KeyframeIndex(0));
+    publisher.NoteFrame(map, *FrameAt(1), TrackedAt(KeyframeIndex(0)));
     AddKeyframe(2);
   }
   void AddKeyframe(int frame) { publisher.NoteKeyframe(map, map.AddKeyframe(FrameAt(frame), Rigid3())); }
@@ -35,7 +41,8 @@ class RecordPublisherTest : public testing::Test {
   }
 
   std::vector<RecordBody> emitted;
-  RecordPublisher publisher{{}, nullptr, [this](int64_t, RecordBody body) { emitted.push_back(std::move(body)); }};
+  RecordPublisher publisher{
+      {}, Pinhole(), Pyramid(), nullptr, [this](int64_t, RecordBody body) { emitted.push_back(std::move(body)); }};
   IdSource ids;
   WorkingMap map{SubmapId(0), Pyramid(), &ids};
 };
@@ -79,19 +86,19 @@ TEST_F(RecordPublisherTest, FramesThatWaitTooLongAreNotKept) {
   publisher.Publish(2000000, &map);
   emitted.clear();
   const auto hover = [&](int first, int last) {
-    for (int i = first; i <= last; ++i) publisher.NoteFrame(map, *FrameAt(i), Rigid3(), KeyframeIndex(1));
+    for (int i = first; i <= last; ++i) publisher.NoteFrame(map, *FrameAt(i), TrackedAt(KeyframeIndex(1)));
   };
   hover(3, 31);
-  publisher.PublishWaitingFrames(31000000, map.Id(), false);
+  publisher.PublishWaitingFrames(31000000, map, false);
   EXPECT_TRUE(emitted.empty());
   hover(32, 32);
-  publisher.PublishWaitingFrames(32000000, map.Id(), false);
+  publisher.PublishWaitingFrames(32000000, map, false);
   ASSERT_EQ(Emitted<MapUpdate>().size(), 1u);
   EXPECT_EQ(Emitted<MapUpdate>()[0].frames.size(), 30u);
   hover(33, 33);
-  publisher.PublishWaitingFrames(33300000, map.Id(), true);
+  publisher.PublishWaitingFrames(33300000, map, true);
   EXPECT_EQ(Emitted<MapUpdate>().size(), 1u);
-  publisher.PublishWaitingFrames(33500000, map.Id(), true);
+  publisher.PublishWaitingFrames(33500000, map, true);
   EXPECT_EQ(Emitted<MapUpdate>().size(), 2u);
 }
 
