@@ -26,8 +26,9 @@ struct CameraMotion {
   Eigen::Vector3d turn_rate = Eigen::Vector3d::Zero();  // radians per second
 };
 
-// The motion at each keyframe of the submap, in their order, from the frames tracked right before and after it. Frames
-// further away in time than three times what is usual in the submap say nothing; a keyframe without any is at rest.
+// The motion at each keyframe of the submap, in their order, from the frames tracked before and after it, up to two
+// each. Frames further away in time than three times what is usual in the submap say nothing; a keyframe without any is
+// at rest.
 std::vector<CameraMotion> KeyframeMotions(const Submap& submap);
 
 // Place of the line in which a pixel of the ideal camera was read, -0.5 to 0.5. real: the camera as it is, with
