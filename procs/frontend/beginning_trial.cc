@@ -20,6 +20,7 @@ double Median(std::vector<double>* values) {
 // Median angle between the rays from two places to points; 0 without points.
 double MedianAngle(const std::vector<Eigen::Vector3d>& points, const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   std::vector<double> angles;
+  angles.reserve(points.size());
   for (const Eigen::Vector3d& x : points)
     angles.push_back(std::acos(std::clamp(CosIntersectionAngle(x, a, b), -1.0, 1.0)));
   return angles.empty() ? 0 : Median(&angles);
