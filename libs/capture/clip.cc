@@ -45,6 +45,11 @@ class VideoClip : public Clip {
     return fs::path(facts_.name).filename().string() + ", frame " + std::to_string(index_);
   }
   std::string Cut() const override { return reader_.Cut(); }
+  std::string Missing() const override {
+    const int count = reader_.NumDamaged();
+    if (count == 0) return {};
+    return std::to_string(count) + (count == 1 ? " piece" : " pieces") + " of it cannot be decoded";
+  }
   std::pair<int, int> UsualSize() const override { return {reader_.Info().width, reader_.Info().height}; }
 
  private:

@@ -1,7 +1,6 @@
 #include "libs/capture/image_source.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -19,17 +18,6 @@ namespace fs = std::filesystem;
 
 constexpr double kDefaultFps = 30;
 constexpr int kNewTimeBase = 3;  // frames in a row that confirm that a clip's clock was set back
-
-[[noreturn]] void FailRanges(const std::string& text) {
-  throw std::runtime_error("--skip-frames " + text + ": expected ranges of frames, e.g. 80-120,200-240");
-}
-
-int ParseIndex(const std::string& text, const std::string& whole) {
-  int value = -1;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || value < 0) FailRanges(whole);
-  return value;
-}
 
 double FpsOf(const Clip& clip, double camera_fps) {
   const Clip::Facts& facts = clip.GetFacts();
@@ -49,20 +37,6 @@ std::string Number(double value) {
 std::string Count(int count, const char* what) { return std::to_string(count) + " " + what + (count == 1 ? "" : "s"); }
 
 }  // namespace
-
-std::set<int> ParseFrameRanges(const std::string& text) {
-  if (text.ends_with(',')) FailRanges(text);
-  std::set<int> frames;
-  std::istringstream parts(text);
-  for (std::string part; std::getline(parts, part, ',');) {
-    const size_t dash = part.find('-');
-    const int first = ParseIndex(part.substr(0, dash), text);
-    const int last = dash == std::string::npos ? first : ParseIndex(part.substr(dash + 1), text);
-    if (last < first || last - first > 10000000) FailRanges(text);
-    for (int i = first; i <= last; ++i) frames.insert(i);
-  }
-  return frames;
-}
 
 ImageSource::ImageSource(const SourceOptions& options) : options_(options) {
   OpenClips();

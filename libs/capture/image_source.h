@@ -19,9 +19,6 @@
 
 namespace mapmend {
 
-// Frame indices to leave out, from text like "80-120,200-240,300". Throws std::runtime_error naming what is malformed.
-std::set<int> ParseFrameRanges(const std::string& text);
-
 struct SourceOptions {
   // Videos, folders of images, or images; the clips of one flight, in order.
   std::vector<std::string> inputs;

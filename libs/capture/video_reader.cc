@@ -75,13 +75,20 @@ class VideoReader::Impl {
 
   bool Grab() {
     StartWait();
+    constexpr int kMaxFailures = 1000;  // in a row: what decoders hold back is far less
+    int num_failures = 0;
     while (true) {
       const int received = avcodec_receive_frame(decoder_, frame_);
       if (received == 0) {
         if (first_pts_ == AV_NOPTS_VALUE) first_pts_ = frame_->best_effort_timestamp;
         return true;
       }
-      if (received != AVERROR(EAGAIN) || draining_) return false;
+      if (received == AVERROR_EOF || (received == AVERROR(EAGAIN) && draining_)) return false;
+      if (received != AVERROR(EAGAIN)) {  // one picture could not be decoded; those behind it may
+        ++num_damaged_;
+        if (++num_failures > kMaxFailures) return false;
+        if (draining_) continue;
+      }
       Feed();
     }
   }
@@ -226,7 +233,7 @@ class VideoReader::Impl {
 
   // Does the container announce more of this track than was there? Sound that goes on for longer says nothing.
   bool EndsEarly() const {
-    if (num_packets_ < expected_packets_) return true;
+    if (num_packets_ < expected_packets_ || last_is_torn_) return true;
     // The steps between frames differ; the longest one is still within the track's length.
     if (expected_slots_ > 0 && last_dts_ != AV_NOPTS_VALUE && last_dts_ + longest_step_ < expected_slots_) return true;
     constexpr int kSlackSteps = 3;
@@ -257,6 +264,7 @@ class VideoReader::Impl {
       const bool mine = packet_->stream_index == stream_->index;
       if (mine) {
         ++num_packets_;
+        last_is_torn_ = (packet_->flags & AV_PKT_FLAG_CORRUPT) != 0;
         if (packet_->dts != AV_NOPTS_VALUE) {
           if (last_dts_ != AV_NOPTS_VALUE) longest_step_ = std::max(longest_step_, packet_->dts - last_dts_);
           last_dts_ = packet_->dts;
@@ -292,7 +300,7 @@ class VideoReader::Impl {
   int64_t expected_slots_ = 0;    // avi: its length in units of the time base
   int64_t expected_end_ = 0;      // matroska: length of the track, time base
   int read_error_ = 0, num_damaged_ = 0;
-  bool draining_ = false;
+  bool draining_ = false, last_is_torn_ = false;
 };
 
 // "file:" keeps libavformat from taking a colon in the name for the end of a protocol's.

@@ -8,12 +8,38 @@ namespace {
 
 // What a text is, by the name of its option: every program uses a name for the same thing.
 std::string TextKind(const CLI::Option& option) {
-  static const std::map<std::string, std::string> kKinds = {
-      {"camera", "FILE"},   {"times", "FILE"},          {"vocabulary", "FILE"}, {"groundtruth", "FILE"},
-      {"mask", "FILE"},     {"events", "FILE"},         {"outbox", "FILE"},     {"profile", "FILE"},
-      {"db", "FILE"},       {"video", "FILE"},          {"truth", "FILE"},      {"out", "FOLDER"},
-      {"record", "FOLDER"}, {"lcm-url", "URL"},         {"session", "UUID"},    {"skip-frames", "A-B,..."},
-      {"bind", "ADDRESS"},  {"channel-prefix", "WORD"}, {"vehicle", "NAME"},    {"title", "TEXT"}};
+  static const std::map<std::string, std::string> kKinds = {{"camera", "FILE"},
+                                                            {"times", "FILE"},
+                                                            {"vocabulary", "FILE"},
+                                                            {"groundtruth", "FILE"},
+                                                            {"mask", "FILE"},
+                                                            {"events", "FILE"},
+                                                            {"outbox", "FILE"},
+                                                            {"profile", "FILE"},
+                                                            {"db", "FILE"},
+                                                            {"video", "FILE"},
+                                                            {"truth", "FILE"},
+                                                            {"out", "FOLDER"},
+                                                            {"record", "FOLDER"},
+                                                            {"lcm-url", "URL"},
+                                                            {"session", "UUID"},
+                                                            {"skip-frames", "A-B,..."},
+                                                            {"bind", "ADDRESS"},
+                                                            {"channel-prefix", "WORD"},
+                                                            {"vehicle", "NAME"},
+                                                            {"title", "TEXT"},
+                                                            {"gps", "FILE"},
+                                                            {"gps-origin", "LAT,LON,ALTITUDE"},
+                                                            {"groundtruth-origin", "LAT,LON,ALTITUDE"},
+                                                            {"source", "URL"},
+                                                            {"image-channel", "NAME"},
+                                                            {"images", "full|none|N"},
+                                                            {"format", "NAME,..."},
+                                                            {"token-file", "FILE"},
+                                                            {"station", "HOST[:PORT]"},
+                                                            {"picture", "FILE"},
+                                                            {"json", "FILE"},
+                                                            {"bounds", "W,S,E,N"}};
   for (const std::string& name : option.get_lnames()) {
     if (const auto found = kKinds.find(name); found != kKinds.end()) return found->second;
   }

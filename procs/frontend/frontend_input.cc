@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "libs/base/frame_ranges.h"
 #include "libs/bus/bus.h"
 #include "libs/capture/device_images.h"
 #include "libs/capture/follow_folder.h"

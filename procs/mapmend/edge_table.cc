@@ -8,6 +8,8 @@
 #include <set>
 #include <stdexcept>
 
+#include "libs/base/plural.h"
+
 namespace mapmend {
 namespace {
 
@@ -131,10 +133,10 @@ std::string EdgeTable::Text(const std::vector<EdgeDecision>& decisions) const {
   }
   std::set<int32_t> components;
   for (const MergedTransforms::Place& s : graph_.transforms.submaps) components.insert(s.component);
-  text += Format("revision %lld%s%s: %zu submaps in %zu components, %zu connections in the tree\n",
-                 static_cast<long long>(graph_.transforms.revision), graph_.transforms.refined ? ", refined" : "",
-                 graph_.transforms.is_final ? ", final" : "", submaps_.size(), components.size(),
-                 graph_.transforms.edges.size());
+  text += Format("revision %lld%s%s: ", static_cast<long long>(graph_.transforms.revision),
+                 graph_.transforms.refined ? ", refined" : "", graph_.transforms.is_final ? ", final" : "") +
+          Plural(std::ssize(submaps_), "submap") + " in " + Plural(std::ssize(components), "component") + ", " +
+          Plural(std::ssize(graph_.transforms.edges), "connection") + " in the tree\n";
   for (const auto& [a, b] : SwitchedOff(decisions)) text += Format("switched off by hand: %d - %d\n", a, b);
   std::map<std::string, int> first;
   for (size_t i = 0; i < submaps_.size(); ++i) first.try_emplace(submaps_[i].session, static_cast<int>(i));

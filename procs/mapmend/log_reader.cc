@@ -6,6 +6,7 @@
 #include "libs/base/checksum.h"
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
+#include "libs/stream/frames_read.h"
 #include "libs/wire/record_checksums.h"
 
 namespace mapmend {
@@ -168,6 +169,7 @@ void LogReader::Deliver(EncodedRecord encoded, const Record& record, Session* se
   session->last_utime = record.header.utime;
   if (const auto* started = std::get_if<SessionStarted>(&record.body)) {
     if (vocabulary_hash_.empty()) vocabulary_hash_ = started->vocabulary_hash;
+    session->start = *started;
   } else if (const auto* submap = std::get_if<SubmapStarted>(&record.body)) {
     session->open_submap = submap->submap;
   } else if (std::holds_alternative<SubmapEnded>(record.body)) {
@@ -175,11 +177,16 @@ void LogReader::Deliver(EncodedRecord encoded, const Record& record, Session* se
   } else if (ended != nullptr) {
     session->ended = true;
   } else if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body)) {
-    session->last_frame = std::max(session->last_frame, keyframe->frame);
+    NoteFrame(keyframe->frame, session);
   } else if (const auto* update = std::get_if<MapUpdate>(&record.body)) {
-    for (const TrackedFrame& frame : update->frames) session->last_frame = std::max(session->last_frame, frame.frame);
+    for (const TrackedFrame& frame : update->frames) NoteFrame(frame.frame, session);
   }
   ready_.push_back(std::move(encoded));
+}
+
+void LogReader::NoteFrame(int frame, Session* session) {
+  if (session->first_frame < 0 || frame < session->first_frame) session->first_frame = frame;
+  session->last_frame = std::max(session->last_frame, frame);
 }
 
 void LogReader::CloseSubmap(const std::string& id, Session* session, const std::string& reason,
@@ -201,8 +208,8 @@ void LogReader::Close(const std::string& id, Session* session) {
   }
   complaints_.push_back("session " + id + " breaks off after record " + std::to_string(session->next_seq - 1));
   CloseSubmap(id, session, "end_of_input", "the recording ends here");
-  ready_.push_back(
-      EncodeRecord({{id, session->next_seq++, session->last_utime}, SessionEnded{session->last_frame + 1}}));
+  const int num_frames = CountFramesRead(session->start, session->first_frame, session->last_frame);
+  ready_.push_back(EncodeRecord({{id, session->next_seq++, session->last_utime}, SessionEnded{num_frames}}));
 }
 
 void LogReader::ComplainOfFiles() {

@@ -60,7 +60,8 @@ class LogReader {
     SubmapId open_submap;
     bool is_skipping = false;  // up to the next submap
     int64_t num_skipped = 0;
-    int last_frame = -1;
+    SessionStarted start;  // once it has been given
+    int first_frame = -1, last_frame = -1;
     int64_t last_utime = 0;
     bool ended = false;
   };
@@ -72,6 +73,7 @@ class LogReader {
   bool Advance();  // one record of one session into ready_; false if all are given
   void OnHole(const std::string& id, int64_t next_sound, Session* session);
   void Deliver(EncodedRecord encoded, const Record& record, Session* session);
+  static void NoteFrame(int frame, Session* session);
   void Close(const std::string& id, Session* session);
   void CloseSubmap(const std::string& id, Session* session, const std::string& reason, const std::string& detail);
   void ComplainOfFiles();

@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "libs/base/event_log.h"
+#include "libs/base/plural.h"
 #include "procs/mapmend/progress.h"
 
 namespace mapmend {
@@ -20,10 +21,6 @@ std::string OneDecimal(double value) {
 }
 
 }  // namespace
-
-std::string Plural(int64_t count, const std::string& noun) {
-  return std::to_string(count) + " " + noun + (count == 1 ? "" : "s");
-}
 
 std::string DescribeFlight(const FlightProgress& p) {
   const auto frames = static_cast<int64_t>(p.frames), total = static_cast<int64_t>(p.frames_total);

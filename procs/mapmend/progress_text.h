@@ -32,7 +32,4 @@ double EstimateMergingSeconds(double num_keyframes, double done_share);
 //   estimate_s  when it began; elapsed_s since then
 std::string DescribeMerging(int connections, int in_use, int parts, double estimate_s, double elapsed_s);
 
-// "1 submap", "2 submaps".
-std::string Plural(int64_t count, const std::string& noun);
-
 }  // namespace mapmend

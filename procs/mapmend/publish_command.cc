@@ -12,6 +12,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "libs/base/frame_ranges.h"
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
 #include "libs/bus/process.h"

@@ -4,6 +4,7 @@
 #include <opencv2/core.hpp>
 #include <stdexcept>
 
+#include "libs/base/frame_ranges.h"
 #include "libs/capture/device_images.h"
 #include "libs/capture/exif_camera.h"
 #include "libs/capture/image_list.h"

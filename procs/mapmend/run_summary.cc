@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "libs/base/plural.h"
 #include "libs/base/write_file.h"
 #include "procs/mapmend/flight_verdict.h"
 #include "procs/mapmend/progress.h"
@@ -122,10 +123,10 @@ std::string FormatSummaryTable(const std::string& out) {
   const int flight = frames + dropped;
   row("frames", Format("%d read, %d tracked, %d in the main map (%.1f %% of the flight)", frames, tracked, in_main,
                        flight > 0 ? 100.0 * in_main / flight : 0.0));
-  if (dropped > 0) row("dropped", Format("%d frames that came while the frontend was busy", dropped));
+  if (dropped > 0) row("dropped", Plural(dropped, "frame") + " that came while the frontend was busy");
   if (const int left_out = Count(frontend, "frames_left_out"); left_out > 0)
-    row("left out", Format("%d frames that could not be used; see logs/frontend.log", left_out));
-  if (bad > 0) row("refused", Format("%d images that were no good; see logs/frontend.log", bad));
+    row("left out", Plural(left_out, "frame") + " that could not be used; see logs/frontend.log");
+  if (bad > 0) row("refused", Plural(bad, "image") + "; see logs/frontend.log");
   if (const std::string holes = summary.value("holes_in_words", ""); !holes.empty() && in_main > 0) row("holes", holes);
   row("losses", std::to_string(Count(summary, "losses")));
   const size_t parts = Size(summary, "components");
@@ -139,14 +140,14 @@ std::string FormatSummaryTable(const std::string& out) {
   };
   row("connections", Format("%d accepted of %zu evaluated", num_accepted("connections"), Size(summary, "connections")));
   if (const int loops = num_accepted("loops"); loops > 0) {
-    row("loops", Format("closed within %d submap%s", loops, loops == 1 ? "" : "s"));
+    row("loops", "closed within " + Plural(loops, "submap"));
   }
   row("keyframes", Format("%d of %d in the main map, %d points", Count(summary, "keyframes_in_main"),
                           Count(summary, "keyframes_total"), Count(summary, "points_in_main")));
   if (const Json images = summary.value("images", Json::object()); Count(images, "stored") > 0) {
     const int missing = Count(images, "missing");
     row("images",
-        Format("of %d keyframes", Count(images, "stored")) + (missing > 0 ? Format(", %d are missing", missing) : ""));
+        "of " + Plural(Count(images, "stored"), "keyframe") + (missing > 0 ? Format(", %d are missing", missing) : ""));
   }
   if (summary.contains("mosaic")) row("ground", DescribeMosaic(summary["mosaic"]));
   if (summary.contains("ate_rmse_m")) {

@@ -1,5 +1,6 @@
 #include <cstdio>
 
+#include "libs/base/plural.h"
 #include "procs/submap_store/database.h"
 #include "procs/submap_store/db_commands.h"
 #include "procs/submap_store/edge_decisions.h"
@@ -71,9 +72,10 @@ void PrintDbInfo(const std::string& path) {
         "FROM merged_submap WHERE revision = ?1");
     counts->bind(1, newest);
     if (counts->executeStep()) {
-      std::printf("merged map: revision %lld, %d submaps in %d components, %d accepted connections\n",
-                  static_cast<long long>(newest), counts->getColumn(0).getInt(), counts->getColumn(1).getInt(),
-                  counts->getColumn(2).getInt());
+      std::printf("merged map: revision %lld, %s in %s, %s\n", static_cast<long long>(newest),
+                  Plural(counts->getColumn(0).getInt(), "submap").c_str(),
+                  Plural(counts->getColumn(1).getInt(), "component").c_str(),
+                  Plural(counts->getColumn(2).getInt(), "accepted connection").c_str());
     }
   }
   for (const EdgeDecision& d : EdgeDecisions(&database).All()) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "libs/stream/frames_read.h"
 #include "procs/submap_store/submap_model.h"
 
 namespace mapmend {
@@ -163,18 +164,17 @@ std::vector<LogItem> SessionLog::TakeClosing() {
   AddGap(closed_from_, std::max(prepared_, last_heard_of), kClosedReason, &items);
   pending_.clear();
   pending_bytes_ = 0;
-  int last_frame = -1;
+  int first_frame = -1, last_frame = -1;
   int64_t last_utime = model_.start_utime;
+  const auto note = [&](int frame, int64_t utime) {
+    if (frame >= 0 && (first_frame < 0 || frame < first_frame)) first_frame = frame;
+    last_frame = std::max(last_frame, frame);
+    last_utime = std::max(last_utime, utime);
+  };
   for (const auto& [id, submap] : model_.submaps) {
     last_frame = std::max(last_frame, submap.last_frame);
-    for (const auto& [keyframe_id, keyframe] : submap.keyframes) {
-      last_frame = std::max(last_frame, keyframe.frame);
-      last_utime = std::max(last_utime, keyframe.utime);
-    }
-    for (const TrackedFrame& frame : submap.frames) {
-      last_frame = std::max(last_frame, frame.frame);
-      last_utime = std::max(last_utime, frame.utime);
-    }
+    for (const auto& [keyframe_id, keyframe] : submap.keyframes) note(keyframe.frame, keyframe.utime);
+    for (const TrackedFrame& frame : submap.frames) note(frame.frame, frame.utime);
   }
   const auto append = [&](RecordBody body) {
     Record record{{session_, prepared_ + 1, last_utime}, std::move(body)};
@@ -187,7 +187,7 @@ std::vector<LogItem> SessionLog::TakeClosing() {
     if (!submap.ended)
       append(SubmapEnded{id, "interrupted", "the frontend ended without a word", last_frame, last_utime});
   }
-  append(SessionEnded{last_frame + 1});
+  append(SessionEnded{CountFramesRead(model_.info, first_frame, last_frame)});
   return items;
 }
 

@@ -52,7 +52,7 @@ TEST_F(Edges, OffAndOnAgainOnTheResultsOfARun) {
   ASSERT_EQ(list.exit_code, 0) << list.output;
   EXPECT_TRUE(Contains(list, "0 - 1")) << list.output;
   EXPECT_TRUE(Contains(list, "accepted    yes")) << list.output;
-  EXPECT_TRUE(Contains(list, "2 submaps in 1 components, 1 connections in the tree")) << list.output;
+  EXPECT_TRUE(Contains(list, "2 submaps in 1 component, 1 connection in the tree")) << list.output;
 
   const CommandResult off = Call({"edges", "disable", out, "1", "0"});
   ASSERT_EQ(off.exit_code, 0) << off.output;

@@ -58,6 +58,23 @@ void CutPower(RunningCommand* run) {
   ASSERT_EQ(run->SurvivorsAfter(10), std::vector<pid_t>());
 }
 
+// Frames that the map holds, of all submaps.
+std::set<int> MappedFrames(const std::string& out) {
+  std::set<int> frames;
+  SQLite::Database database(out + "/map.db", SQLite::OPEN_READONLY, 2000);
+  SQLite::Statement query(database, "SELECT frames FROM submap WHERE has_geometry = 1");
+  constexpr int kFrameBytes = 72;  // docs/file_formats.md
+  while (query.executeStep()) {
+    const SQLite::Column blob = query.getColumn(0);
+    for (int at = 0; at + kFrameBytes <= blob.getBytes(); at += kFrameBytes) {
+      int32_t frame = 0;
+      std::memcpy(&frame, static_cast<const char*>(blob.getBlob()) + at, sizeof(frame));
+      frames.insert(frame);
+    }
+  }
+  return frames;
+}
+
 TEST(PowerCut, RecoverMapsWhatTheStoreHadNotTakenYet) {
   const TemporaryFolder folder;
   const std::string out = folder / "out";
@@ -79,6 +96,9 @@ TEST(PowerCut, RecoverMapsWhatTheStoreHadNotTakenYet) {
   const nlohmann::json summary = Summary(out);
   ASSERT_TRUE(summary.contains("final")) << result.output;
   EXPECT_TRUE(summary.at("final").get<bool>());
+  const std::set<int> mapped = MappedFrames(out);
+  ASSERT_FALSE(mapped.empty());
+  EXPECT_EQ(summary.at("frames_in").get<int>(), *mapped.rbegin() - 39) << "the forty that were skipped do not count";
   const auto again = RunCommand({kProgram, "recover", out}, 60);
   EXPECT_EQ(again.exit_code, 0);
   EXPECT_NE(again.output.find("nothing to recover"), std::string::npos) << again.output;
@@ -137,23 +157,6 @@ TEST(PowerCut, TheFlightGoesOnAfterItWasRecovered) {
   const nlohmann::json summary = Summary(out);
   ASSERT_TRUE(summary.contains("frames_in_main")) << result.output;
   EXPECT_GE(summary.at("frames_in_main").get<int>(), kFrames - 4);
-}
-
-// Frames that the map holds, of all submaps.
-std::set<int> MappedFrames(const std::string& out) {
-  std::set<int> frames;
-  SQLite::Database database(out + "/map.db", SQLite::OPEN_READONLY, 2000);
-  SQLite::Statement query(database, "SELECT frames FROM submap WHERE has_geometry = 1");
-  constexpr int kFrameBytes = 72;  // docs/file_formats.md
-  while (query.executeStep()) {
-    const SQLite::Column blob = query.getColumn(0);
-    for (int at = 0; at + kFrameBytes <= blob.getBytes(); at += kFrameBytes) {
-      int32_t frame = 0;
-      std::memcpy(&frame, static_cast<const char*>(blob.getBlob()) + at, sizeof(frame));
-      frames.insert(frame);
-    }
-  }
-  return frames;
 }
 
 // What a flight says of its frames, and when.

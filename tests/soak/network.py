@@ -101,11 +101,12 @@ class Link:
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    def attach(self, end, host, address):
-        """Plugs host in at end 0 or 1. The host that was there before is gone, with all that was on its way."""
-        fd = _open_tun(host.name, "link0")
-        subprocess.run(["ip", "-n", host.name, "address", "add", address, "dev", "link0"], check=True)
-        subprocess.run(["ip", "-n", host.name, "link", "set", "link0", "up"], check=True)
+    def attach(self, end, host, address, device="link0"):
+        """Plugs host in at end 0 or 1. The host that was there before is gone, with all that was on its way. device: how
+        the host calls the link; another one for each of its links."""
+        fd = _open_tun(host.name, device)
+        subprocess.run(["ip", "-n", host.name, "address", "add", address, "dev", device], check=True)
+        subprocess.run(["ip", "-n", host.name, "link", "set", device, "up"], check=True)
         with self._lock:
             old, self._fds[end] = self._fds[end], fd
             self._directions = [_Direction(), _Direction()]

@@ -36,19 +36,6 @@ std::string ErrorOf(const std::function<void()>& action) {
   return "";
 }
 
-TEST(ParseFrameRanges, ReadsRangesAndSingleFrames) {
-  EXPECT_EQ(ParseFrameRanges("2-4,7"), (std::set<int>{2, 3, 4, 7}));
-  EXPECT_TRUE(ParseFrameRanges("").empty());
-}
-
-TEST(ParseFrameRanges, NamesWhatIsMalformed) {
-  EXPECT_NE(ErrorOf([] { ParseFrameRanges("2-x"); }).find("--skip-frames 2-x: expected"), std::string::npos);
-  EXPECT_NE(ErrorOf([] { ParseFrameRanges("9-2"); }).find("9-2"), std::string::npos);
-  for (const char* wrong : {"-3", "a", "5-", "1,,2", "1,", "1-2-3", "1 2", "99999999999"}) {
-    EXPECT_NE(ErrorOf([&] { ParseFrameRanges(wrong); }), "") << wrong;
-  }
-}
-
 TEST(ImageSource, SkippedFramesKeepTheIndicesAndTimesOfTheOthers) {
   SourceOptions options = Of(Flight("video.mp4"), Flight("times.txt"));
   options.skip = {1, 2};
@@ -218,6 +205,23 @@ TEST_F(ImageSourceTest, TimesOfAVideoWhoseCountIsAnEstimate) {
   ImageSource many(Of(Path("v.mkv"), Write("many.txt", lines + "99\n")));
   EXPECT_EQ(ReadAll(&many).size(), 12u);
   EXPECT_EQ(many.Problem(), "times file " + Path("many.txt") + " has 13 lines, the input only 12 frames");
+}
+
+TEST_F(ImageSourceTest, PicturesThatCannotBeDecodedAreTold) {
+  const std::string video = folder_.File("scratched.mp4");
+  Ffmpeg(TestPicture(40) + "-c:v libx264 -g 8 -movflags faststart " + video);
+  {
+    // Lengths of parts of pictures that there cannot be.
+    std::fstream file(video, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(static_cast<std::streamoff>(std::filesystem::file_size(video) / 2));
+    file << std::string(1500, '\xee');
+  }
+  ImageSource source(Of(video));
+  int num_frames = 0;
+  while (source.Next()) ++num_frames;
+  EXPECT_LT(num_frames, 40);
+  EXPECT_GT(num_frames, 20) << "those behind the scratch are read";
+  EXPECT_NE(source.Problem(), "");
 }
 
 TEST_F(ImageSourceTest, SeveralFilesAreOneFlight) {

@@ -104,6 +104,17 @@ TEST_F(VideoReaderTest, AFileThatEndsEarlyIsTold) {
   }
 }
 
+// As players and drones write that must not lose all by a power cut: no list of frames tells how many there were.
+TEST_F(VideoReaderTest, AFileOfFragmentsThatEndsWithinOneIsTold) {
+  const std::string whole = Make("-i " + base_ + " -c copy -movflags frag_keyframe+empty_moov", "fragments.mp4");
+  const Read read = ReadAll(whole), cut = ReadAll(Cut(whole, "cut_fragments.mp4"));
+  EXPECT_EQ(read.frames, 40);
+  EXPECT_EQ(read.cut, "");
+  EXPECT_LT(cut.frames, 40);
+  EXPECT_GT(cut.frames, 10);
+  EXPECT_EQ(cut.cut, "the file is truncated or damaged");
+}
+
 TEST_F(VideoReaderTest, TimesAreThoseOfTheContainerToTheLastFrame) {
   // All frames up to 7, then each third: 0 to 7, 9, 12, ... 39.
   const std::string varied =
