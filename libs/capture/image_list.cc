@@ -1,9 +1,9 @@
 #include "libs/capture/image_list.h"
 
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <filesystem>
+#include <initializer_list>
 #include <stdexcept>
 #include <string_view>
 
@@ -71,13 +71,39 @@ std::string_view TakeDigits(const std::string& text, size_t* at) {
 
 std::string NameOf(const std::string& path) { return fs::path(path).filename().string(); }
 
+bool EndsLikeOneOf(const std::string& path, std::initializer_list<std::string_view> endings) {
+  std::string ending = fs::path(path).extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  return std::find(endings.begin(), endings.end(), ending) != endings.end();
+}
+
+// "; ..." if the folder holds what people may have meant: videos, or photos as they come from the sensor.
+std::string WhatElseIsThere(const std::string& folder) {
+  std::string video, raw;
+  std::error_code error;
+  for (fs::recursive_directory_iterator entries(folder, fs::directory_options::skip_permission_denied, error);
+       !error && entries != fs::recursive_directory_iterator(); entries.increment(error)) {
+    const std::string path = entries->path().string();
+    if (entries.depth() >= kMaxDepth) entries.disable_recursion_pending();
+    if (NameOf(path).starts_with('.')) continue;
+    const bool is_raw = EndsLikeOneOf(path, {".dng", ".heic", ".heif", ".avif", ".jxl", ".arw", ".cr2", ".cr3", ".nef",
+                                             ".orf", ".raf", ".rw2", ".raw", ".jp2", ".gif"});
+    std::string& first = HasVideoName(path) ? video : raw;
+    if ((is_raw || HasVideoName(path)) && (first.empty() || NaturalLess(path, first))) first = path;
+  }
+  if (!video.empty()) return "; videos are inputs one by one: " + video;
+  return raw.empty() ? "" : "; " + NameOf(raw) + " and its like are not read: make JPEGs of them";
+}
+
 }  // namespace
 
 bool HasImageName(const std::string& path) {
-  std::string ending = fs::path(path).extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
-  constexpr std::array kKnown = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"};
-  return std::find(kKnown.begin(), kKnown.end(), ending) != kKnown.end();
+  return EndsLikeOneOf(path, {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"});
+}
+
+bool HasVideoName(const std::string& path) {
+  return EndsLikeOneOf(path, {".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v", ".ts", ".mts", ".flv", ".mpg", ".h264",
+                              ".hevc", ".wmv", ".3gp"});
 }
 
 bool NaturalLess(const std::string& a, const std::string& b) {
@@ -117,7 +143,8 @@ ImageList ListImages(const std::string& folder) {
   const bool below = found.files.empty();
   if (below) AddSubfolders(folder, 1, &found);
   if (found.files.empty()) {
-    throw std::runtime_error("input folder " + folder + " holds no images (jpg, png, bmp, tif, pgm, ppm, webp)");
+    throw std::runtime_error("input folder " + folder + " holds no images (jpg, png, bmp, tif, pgm, ppm, webp)" +
+                             WhatElseIsThere(folder));
   }
   ImageList list = SortImages(std::move(found.files));
   if (below) {

@@ -1,25 +1,12 @@
 #include "libs/capture/times_beside.h"
 
-#include <algorithm>
-#include <array>
-#include <cctype>
 #include <filesystem>
 #include <set>
 
+#include "libs/capture/image_list.h"
+
 namespace mapmend {
-namespace {
-
 namespace fs = std::filesystem;
-
-bool HasVideoName(const fs::path& path) {
-  std::string ending = path.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
-  constexpr std::array kKnown = {".mp4", ".mov", ".avi", ".mkv",  ".webm", ".m4v", ".ts",
-                                 ".mts", ".flv", ".mpg", ".h264", ".hevc", ".wmv", ".3gp"};
-  return std::find(kKnown.begin(), kKnown.end(), ending) != kKnown.end() && !path.filename().string().starts_with('.');
-}
-
-}  // namespace
 
 TimesBeside FindTimesBeside(const std::vector<std::string>& inputs) {
   if (inputs.empty()) return {};
@@ -33,7 +20,8 @@ TimesBeside FindTimesBeside(const std::vector<std::string>& inputs) {
   for (const std::string& input : inputs) given.insert(fs::absolute(input).lexically_normal());
   for (fs::directory_iterator entry(folder, error); !error && entry != fs::directory_iterator();
        entry.increment(error)) {
-    if (HasVideoName(entry->path()) && !given.contains(entry->path())) {
+    if (HasVideoName(entry->path().string()) && !entry->path().filename().string().starts_with('.') &&
+        !given.contains(entry->path())) {
       return {"", "times " + path.string() + " is not taken: it may be that of " + entry->path().filename().string() +
                       ", which lies there too (give it with --times if it belongs to this flight)"};
     }

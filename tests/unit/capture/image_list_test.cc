@@ -74,6 +74,26 @@ TEST_F(ImageListTest, AMemoryCardHoldsItsPhotosInSubfolders) {
   EXPECT_EQ(Names(ListImages(folder_.Path())), std::vector<std::string>{"own.jpg"});
 }
 
+TEST_F(ImageListTest, AFolderWithoutImagesSaysWhatItHoldsInstead) {
+  const auto error = [&](const std::string& folder) -> std::string {
+    try {
+      ListImages(folder_.File(folder));
+    } catch (const std::runtime_error& e) {
+      return e.what();
+    }
+    return "";
+  };
+  const std::string none = " holds no images (jpg, png, bmp, tif, pgm, ppm, webp)";
+  Write("notes/readme.txt");
+  EXPECT_EQ(error("notes"), "input folder " + folder_.File("notes") + none);
+  Write("raw/100MEDIA/DJI_0002.DNG");
+  EXPECT_EQ(error("raw"), "input folder " + folder_.File("raw") + none +
+                              "; DJI_0002.DNG and its like are not read: make JPEGs of them");
+  for (const char* name : {"card/GX020042.MP4", "card/GX010042.MP4", "card/._GX000042.MP4"}) Write(name);
+  EXPECT_EQ(error("card"), "input folder " + folder_.File("card") + none +
+                               "; videos are inputs one by one: " + folder_.File("card/GX010042.MP4"));
+}
+
 TEST_F(ImageListTest, FingerprintsTellContentApartNotNames) {
   Write("monday/images/f1.jpg", "one");
   Write("tuesday/images/f1.jpg", "two");
