@@ -13,6 +13,7 @@ import network
 # The bundled video holds two flights over one park: each vehicle flies one of them.
 LEFT_OUT = {"red": "81-171", "blue": "0-80"}
 NUM_FRAMES = 172
+SESSIONS = {"red": "7a0f3c52-61d4-4d0b-8f0e-0c9be5a4e101", "blue": "7a0f3c52-61d4-4d0b-8f0e-0c9be5a4e102"}
 NETS = {"red": "10.77.0", "blue": "10.78.0"}  # the vehicle is .1, the station .2
 PORT = 7700
 
@@ -43,8 +44,8 @@ class Links:
 
 def _fly_command(vehicle, folder):
     return [flight.mapmend(), "fly", str(flight.FLIGHT / "video.mp4"), "--skip-frames", LEFT_OUT[vehicle], "--vehicle",
-            vehicle, "--station", f"{NETS[vehicle]}.2", "--token-file", str(folder / "hub.token"), "--seed", "1", "--out",
-            str(folder / vehicle), "--images", "160"]
+            vehicle, "--station", f"{NETS[vehicle]}.2", "--token-file", str(folder / "hub.token"), "--session",
+            SESSIONS[vehicle], "--seed", "1", "--out", str(folder / vehicle), "--images", "160"]
 
 
 def _cut(link, seconds):
