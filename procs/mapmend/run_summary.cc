@@ -1,5 +1,6 @@
 #include "procs/mapmend/run_summary.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -55,6 +56,22 @@ std::string DescribeMosaic(const Json& mosaic) {
   if (const std::string problem = mosaic.value("problem", ""); !problem.empty()) return "no picture: " + problem;
   const std::string size = Format("mosaic.tif, %d x %d pixels", Count(mosaic, "width"), Count(mosaic, "height"));
   return mosaic.value("unit", "") == "m" ? size + Format(" of %.2g m", Number(mosaic, "gsd")) : size;
+}
+
+// "2: after frame 73 (too few matches), after frame 140 (darkness)".
+std::string DescribeLosses(const Json& summary) {
+  constexpr int kNamed = 3;
+  std::string text = std::to_string(Count(summary, "losses"));
+  int count = 0;
+  for (const Json& submap : summary.value("submaps", Json::array())) {
+    std::string reason = submap.value("end_reason", "");
+    const int last_frame = submap.value("last_frame", -1);
+    if (reason.empty() || reason == "end_of_input" || last_frame < 0) continue;
+    if (++count > kNamed) return text + ", ...";
+    std::replace(reason.begin(), reason.end(), '_', ' ');
+    text += (count == 1 ? ": after frame " : ", after frame ") + std::to_string(last_frame) + " (" + reason + ")";
+  }
+  return text;
 }
 
 }  // namespace
@@ -128,7 +145,7 @@ std::string FormatSummaryTable(const std::string& out) {
     row("left out", Plural(left_out, "frame") + " that could not be used; see logs/frontend.log");
   if (bad > 0) row("refused", Plural(bad, "image") + "; see logs/frontend.log");
   if (const std::string holes = summary.value("holes_in_words", ""); !holes.empty() && in_main > 0) row("holes", holes);
-  row("losses", std::to_string(Count(summary, "losses")));
+  row("losses", DescribeLosses(summary));
   const size_t parts = Size(summary, "components");
   row("submaps", Format("%zu in ", Size(summary, "submaps")) + (parts == 1 ? "one piece" : Format("%zu parts", parts)));
   const auto num_accepted = [&](const char* list) {

@@ -128,7 +128,7 @@ std::vector<SessionRow> Database::Sessions() {
   Use query = Prepare(
       "SELECT id, uuid, vehicle, source, vocabulary_hash, start_utime, ended, is_derived, "
       "max(ifnull((SELECT max(seq) FROM record WHERE session = id), -1), "
-      "ifnull((SELECT max(last_seq) FROM gap WHERE session = id), -1)) FROM session ORDER BY id");
+      "ifnull((SELECT max(last_seq) FROM gap WHERE session = id), -1)), settings FROM session ORDER BY id");
   while (query->executeStep()) {
     SessionRow row;
     row.id = query->getColumn(0).getInt64();
@@ -140,6 +140,7 @@ std::vector<SessionRow> Database::Sessions() {
     row.ended = query->getColumn(6).getInt() != 0;
     row.is_derived = query->getColumn(7).getInt() != 0;
     row.cumulative = query->getColumn(8).getInt64();
+    row.settings = query->getColumn(9).getString();
     sessions.push_back(std::move(row));
   }
   return sessions;

@@ -22,6 +22,7 @@ struct SessionRow {
   int64_t start_utime = 0;
   bool ended = false, is_derived = false;
   int64_t cumulative = -1;  // last record, or last record of a gap
+  std::string settings;     // JSON
 };
 
 struct GapRow {

@@ -17,11 +17,19 @@ constexpr size_t kMaxMissing = 64, kMaxGapSeqs = 256;  // named in an ack
 
 }  // namespace
 
+void SeenFrames::Note(int frame, int64_t utime) {
+  if (frame >= 0 && (first_frame < 0 || frame < first_frame)) first_frame = frame;
+  last_frame = std::max(last_frame, frame);
+  last_utime = std::max(last_utime, utime);
+}
+
 SessionLog::SessionLog(const std::string& session, const SessionLogOptions& options)
     : session_(session), options_(options) {}
 
-void SessionLog::Restore(Session model, int64_t cumulative, int32_t last_keyframe, const std::vector<LogGap>& gaps) {
+void SessionLog::Restore(Session model, int64_t cumulative, int32_t last_keyframe, const std::vector<LogGap>& gaps,
+                         const SeenFrames& seen) {
   model_ = std::move(model);
+  seen_ = seen;
   committed_ = prepared_ = cumulative;
   last_keyframe_ = last_keyframe;
   gaps_ = gaps;
@@ -71,11 +79,22 @@ void SessionLog::RefuseSession(const std::string& error) {
   session_error_ = error;
   ++num_refused_;
   model_ = Session();
+  seen_ = {};
   prepared_ = -1;
   last_keyframe_ = -1;
   pending_.clear();
   damaged_.clear();
   pending_bytes_ = 0;
+}
+
+void SessionLog::NoteFrames(const Record& record) {
+  if (const auto* keyframe = std::get_if<KeyframeRecord>(&record.body)) {
+    seen_.Note(keyframe->frame, record.header.utime);
+  } else if (const auto* update = std::get_if<MapUpdate>(&record.body)) {
+    for (const TrackedFrame& frame : update->frames) seen_.Note(frame.frame, frame.utime);
+  } else if (const auto* end = std::get_if<SubmapEnded>(&record.body)) {
+    seen_.Note(end->last_frame, end->last_utime);
+  }
 }
 
 void SessionLog::AddGap(int64_t first, int64_t last, const std::string& reason, std::vector<LogItem>* items) {
@@ -141,6 +160,7 @@ std::vector<LogItem> SessionLog::TakeReady(int64_t now_ms) {
                                     : "keyframe id " + std::to_string(keyframe->keyframe.value) + " does not grow";
     if (error.empty()) {
       if (keyframe != nullptr) last_keyframe_ = keyframe->keyframe.value;
+      NoteFrames(entry.record);
       prepared_ = entry.encoded.seq;
       session_error_.clear();
       items.emplace_back(std::move(entry));
@@ -164,18 +184,7 @@ std::vector<LogItem> SessionLog::TakeClosing() {
   AddGap(closed_from_, std::max(prepared_, last_heard_of), kClosedReason, &items);
   pending_.clear();
   pending_bytes_ = 0;
-  int first_frame = -1, last_frame = -1;
-  int64_t last_utime = model_.start_utime;
-  const auto note = [&](int frame, int64_t utime) {
-    if (frame >= 0 && (first_frame < 0 || frame < first_frame)) first_frame = frame;
-    last_frame = std::max(last_frame, frame);
-    last_utime = std::max(last_utime, utime);
-  };
-  for (const auto& [id, submap] : model_.submaps) {
-    last_frame = std::max(last_frame, submap.last_frame);
-    for (const auto& [keyframe_id, keyframe] : submap.keyframes) note(keyframe.frame, keyframe.utime);
-    for (const TrackedFrame& frame : submap.frames) note(frame.frame, frame.utime);
-  }
+  const int64_t last_utime = std::max(model_.start_utime, seen_.last_utime);
   const auto append = [&](RecordBody body) {
     Record record{{session_, prepared_ + 1, last_utime}, std::move(body)};
     if (!ApplyLight(record, &model_).empty()) return;
@@ -185,9 +194,9 @@ std::vector<LogItem> SessionLog::TakeClosing() {
   };
   for (const auto& [id, submap] : model_.submaps) {
     if (!submap.ended)
-      append(SubmapEnded{id, "interrupted", "the frontend ended without a word", last_frame, last_utime});
+      append(SubmapEnded{id, "interrupted", "the frontend ended without a word", seen_.last_frame, last_utime});
   }
-  append(SessionEnded{CountFramesRead(model_.info, first_frame, last_frame)});
+  append(SessionEnded{CountFramesRead(model_.info, seen_.first_frame, seen_.last_frame)});
   return items;
 }
 

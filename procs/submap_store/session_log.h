@@ -45,13 +45,21 @@ struct LogGap {
 };
 using LogItem = std::variant<LogEntry, LogGap>;
 
+// Of the frames that a session's records speak of.
+struct SeenFrames {
+  int first_frame = -1, last_frame = -1;  // indices, lowest and highest; -1: none
+  int64_t last_utime = 0;
+  void Note(int frame, int64_t utime);
+};
+
 // Puts the records of one session in order, as they come from an unreliable bus, and checks each in its turn against
 // what came before. Knows nothing of files. Times are milliseconds of any steady clock.
 class SessionLog {
  public:
   SessionLog(const std::string& session, const SessionLogOptions& options);
   // For a session that is in the file: model holds its submaps (only the open ones in full), cumulative its last seq.
-  void Restore(Session model, int64_t cumulative, int32_t last_keyframe, const std::vector<LogGap>& gaps);
+  void Restore(Session model, int64_t cumulative, int32_t last_keyframe, const std::vector<LogGap>& gaps,
+               const SeenFrames& seen);
 
   // A record that does not decode is refused here: it is sent again. If it does not decode then either, its turn makes
   // it a gap.
@@ -85,6 +93,7 @@ class SessionLog {
   Session* model() { return &model_; }
 
  private:
+  void NoteFrames(const Record& record);
   void RefuseRecord(int64_t seq, const std::string& reason, std::vector<LogItem>* items);
   void AddGap(int64_t first, int64_t last, const std::string& reason, std::vector<LogItem>* items);
   bool IsHoleFinal(int64_t now_ms, std::string* reason) const;
@@ -92,6 +101,7 @@ class SessionLog {
   std::string session_;
   SessionLogOptions options_;
   Session model_;  // after all prepared records
+  SeenFrames seen_;
   int32_t last_keyframe_ = -1;
   int64_t committed_ = -1;
   int64_t prepared_ = -1;  // handed out by TakeReady

@@ -36,7 +36,22 @@ Session MakeStub(const SessionRow& row) {
   model.start_utime = row.start_utime;
   model.last_seq = row.cumulative;
   model.ended = row.ended;
+  model.info.settings_json = row.settings;
   return model;
+}
+
+// What is committed of a session, but for the frames of submaps that are open.
+SeenFrames FramesInFile(Database* database, int64_t session) {
+  SeenFrames seen;
+  auto query = database->Prepare(
+      "SELECT min(frame), max(frame), max(utime), (SELECT max(last_frame) FROM submap WHERE session = ?1), (SELECT "
+      "max(end_utime) FROM submap WHERE session = ?1) FROM keyframe WHERE session = ?1");
+  query->bind(1, session);
+  if (!query->executeStep() || query->getColumn(0).isNull()) return seen;
+  seen.Note(query->getColumn(0).getInt(), 0);
+  seen.Note(query->getColumn(1).getInt(), query->getColumn(2).getInt64());
+  if (!query->getColumn(3).isNull()) seen.Note(query->getColumn(3).getInt(), query->getColumn(4).getInt64());
+  return seen;
 }
 
 }  // namespace
@@ -114,7 +129,11 @@ void SubmapStore::Restore(const SessionRow& row) {
     gaps.push_back({gap.first_seq, gap.last_seq, gap.reason});
     num_gaps_ += gap.last_seq - gap.first_seq + 1;
   }
-  state->log.Restore(std::move(model), row.cumulative, last_keyframe, gaps);
+  SeenFrames seen = FramesInFile(&database_, row.id);
+  for (const auto& [id, submap] : model.submaps) {
+    for (const TrackedFrame& frame : submap.frames) seen.Note(frame.frame, frame.utime);
+  }
+  state->log.Restore(std::move(model), row.cumulative, last_keyframe, gaps, seen);
   sessions_[row.uuid] = std::move(state);
 }
 

@@ -39,13 +39,14 @@ TEST_F(RunSummaryTest, AddsWhatOnlyTheLauncherKnowsAndKeepsTheRest) {
 TEST_F(RunSummaryTest, PrintsATable) {
   WriteFile(out_ + "/summary.json", R"json({
     "frames_in": 172, "frames_tracked": 171, "frames_in_main": 86, "holes_in_words": "1 hole: frames 74 to 83 (10 frames, 66 s)", "losses": 1, "keyframes_in_main": 80, "keyframes_total": 166,
-    "points_in_main": 7242, "submaps": [{}, {}], "components": [{}, {}], "wall_s": 86.0,
+    "points_in_main": 7242, "submaps": [{"end_reason": "too_few_matches", "last_frame": 73}, {"end_reason": "end_of_input", "last_frame": 171}],
+    "components": [{}, {}], "wall_s": 86.0,
     "connections": [{"verdict": "accepted"}, {"verdict": "rejected"}], "loops": [{"verdict": "accepted"}, {"verdict": "rejected"}],
     "processes": [{"name": "hub", "cpu_s": 0.5, "peak_rss_mb": 70}]})json");
   EXPECT_EQ(FormatSummaryTable(out_),
             "  frames       172 read, 171 tracked, 86 in the main map (50.0 % of the flight)\n"
             "  holes        1 hole: frames 74 to 83 (10 frames, 66 s)\n"
-            "  losses       1\n"
+            "  losses       1: after frame 73 (too few matches)\n"
             "  submaps      2 in 2 parts\n"
             "  connections  1 accepted of 2 evaluated\n"
             "  loops        closed within 1 submap\n"
