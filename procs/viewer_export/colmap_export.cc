@@ -11,7 +11,7 @@
 
 #include "libs/base/write_file.h"
 #include "procs/viewer_export/colmap_model.h"
-#include "procs/viewer_export/image_pixels.h"
+#include "libs/map_view/image_pixels.h"
 
 namespace mapmend {
 namespace {

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "libs/stream/keyframe_images.h"
-#include "procs/viewer_export/image_pixels.h"
+#include "libs/map_view/image_pixels.h"
 
 namespace mapmend {
 namespace {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "procs/viewer_export/colmap_camera.h"
-#include "procs/viewer_export/snapshot.h"
+#include "libs/map_view/snapshot.h"
 
 namespace mapmend {
 

@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "procs/viewer_export/image_source.h"
-#include "procs/viewer_export/snapshot.h"
+#include "libs/map_view/image_source.h"
+#include "libs/map_view/snapshot.h"
 
 namespace mapmend {
 

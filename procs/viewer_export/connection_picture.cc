@@ -7,7 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "procs/viewer_export/connection_matches.h"
-#include "procs/viewer_export/image_pixels.h"
+#include "libs/map_view/image_pixels.h"
 
 namespace mapmend {
 namespace {

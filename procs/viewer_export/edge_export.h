@@ -4,8 +4,8 @@
 #include <string>
 #include <utility>
 
-#include "procs/viewer_export/image_source.h"
-#include "procs/viewer_export/snapshot.h"
+#include "libs/map_view/image_source.h"
+#include "libs/map_view/snapshot.h"
 
 namespace mapmend {
 

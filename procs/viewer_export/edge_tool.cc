@@ -16,7 +16,7 @@
 #include "libs/wire/stream_consumer.h"
 #include "procs/viewer_export/connection_picture.h"
 #include "procs/viewer_export/picture_store.h"
-#include "procs/viewer_export/snapshot.h"
+#include "libs/map_view/snapshot.h"
 
 namespace mapmend {
 namespace {

@@ -10,18 +10,19 @@
 
 #include "libs/base/write_file.h"
 #include "libs/formats/map_formats.h"
+#include "libs/map_view/level_frame.h"
 #include "procs/viewer_export/colmap_export.h"
 #include "procs/viewer_export/edge_export.h"
 #include "procs/viewer_export/gap_export.h"
 #include "procs/viewer_export/geo_export.h"
 #include "procs/viewer_export/graph_export.h"
-#include "procs/viewer_export/level_frame.h"
 #include "procs/viewer_export/mosaic_export.h"
 #include "procs/viewer_export/placed_map_export.h"
 #include "procs/viewer_export/ply_export.h"
 #include "procs/viewer_export/report.h"
 #include "procs/viewer_export/summary.h"
 #include "procs/viewer_export/trajectory_picture.h"
+#include "procs/viewer_export/world_error.h"
 #include "procs/viewer_export/world_summary.h"
 
 namespace mapmend {

@@ -5,12 +5,12 @@
 #include <string>
 #include <vector>
 
+#include "libs/map_view/image_source.h"
+#include "libs/map_view/snapshot.h"
+#include "libs/map_view/world.h"
 #include "procs/viewer_export/coverage.h"
-#include "procs/viewer_export/image_source.h"
 #include "procs/viewer_export/map_evaluation.h"
 #include "procs/viewer_export/mosaic_export.h"
-#include "procs/viewer_export/snapshot.h"
-#include "procs/viewer_export/world.h"
 
 namespace mapmend {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "procs/viewer_export/coverage.h"
-#include "procs/viewer_export/world.h"
+#include "libs/map_view/world.h"
 
 namespace mapmend {
 

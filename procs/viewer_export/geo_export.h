@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "procs/viewer_export/world.h"
+#include "libs/map_view/world.h"
 
 namespace mapmend {
 

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "procs/viewer_export/snapshot.h"
+#include "libs/map_view/snapshot.h"
 
 // The connection graph: submaps, what connects them, and which connections form the tree.
 namespace mapmend {

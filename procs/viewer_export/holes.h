@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "procs/viewer_export/snapshot.h"
+#include "libs/map_view/snapshot.h"
 
 namespace mapmend {
 

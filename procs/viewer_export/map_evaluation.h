@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "libs/geometry/alignment.h"
-#include "procs/viewer_export/snapshot.h"
+#include "libs/map_view/snapshot.h"
 
 namespace mapmend {
 

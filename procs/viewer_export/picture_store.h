@@ -2,7 +2,7 @@
 
 #include <functional>
 
-#include "procs/viewer_export/image_source.h"
+#include "libs/map_view/image_source.h"
 
 namespace mapmend {
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "libs/formats/placed_map.h"
-#include "procs/viewer_export/snapshot.h"
+#include "libs/map_view/snapshot.h"
 
 namespace mapmend {
 

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "procs/viewer_export/snapshot.h"
+#include "libs/map_view/snapshot.h"
 
 namespace mapmend {
 

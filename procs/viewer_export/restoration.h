@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "libs/merging/restoration_log.h"
-#include "procs/viewer_export/snapshot.h"
+#include "libs/map_view/snapshot.h"
 
 namespace mapmend {
 

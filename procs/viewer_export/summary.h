@@ -3,7 +3,7 @@
 #include <string>
 
 #include "procs/viewer_export/map_evaluation.h"
-#include "procs/viewer_export/snapshot.h"
+#include "libs/map_view/snapshot.h"
 
 namespace mapmend {
 

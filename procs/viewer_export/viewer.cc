@@ -24,7 +24,7 @@
 #include "procs/viewer_export/live_state.h"
 #include "procs/viewer_export/picture_store.h"
 #include "procs/viewer_export/restoration.h"
-#include "procs/viewer_export/snapshot.h"
+#include "libs/map_view/snapshot.h"
 
 namespace mapmend {
 namespace {

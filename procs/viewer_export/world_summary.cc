@@ -2,6 +2,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "procs/viewer_export/world_error.h"
+
 namespace mapmend {
 namespace {
 

@@ -3,7 +3,7 @@
 #include <optional>
 #include <string>
 
-#include "procs/viewer_export/world.h"
+#include "libs/map_view/world.h"
 
 namespace mapmend {
 

@@ -5,7 +5,7 @@
 #include <sstream>
 
 #include "procs/viewer_export/colmap_model.h"
-#include "tests/unit/viewer_export/test_flight.h"
+#include "tests/test_flight.h"
 
 namespace mapmend {
 namespace {

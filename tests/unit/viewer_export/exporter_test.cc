@@ -11,7 +11,7 @@
 
 #include "libs/base/write_file.h"
 #include "procs/viewer_export/graph_export.h"
-#include "tests/unit/viewer_export/test_flight.h"
+#include "tests/test_flight.h"
 
 namespace mapmend {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <functional>
 
-#include "tests/unit/viewer_export/test_flight.h"
+#include "tests/test_flight.h"
 
 namespace mapmend {
 namespace {

@@ -14,7 +14,7 @@
 #include "libs/base/write_file.h"
 #include "procs/viewer_export/exporter.h"
 #include "tests/scratch_folder.h"
-#include "tests/unit/viewer_export/test_flight.h"
+#include "tests/test_flight.h"
 
 namespace mapmend {
 namespace {

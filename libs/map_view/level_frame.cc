@@ -1,4 +1,4 @@
-#include "procs/viewer_export/level_frame.h"
+#include "libs/map_view/level_frame.h"
 
 #include <Eigen/Dense>
 #include <algorithm>

@@ -1,4 +1,4 @@
-#include "tests/unit/viewer_export/test_flight.h"
+#include "tests/test_flight.h"
 
 #include <gtest/gtest.h>
 

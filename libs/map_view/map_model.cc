@@ -1,4 +1,4 @@
-#include "procs/viewer_export/map_model.h"
+#include "libs/map_view/map_model.h"
 
 #include <algorithm>
 #include <utility>

@@ -1,4 +1,4 @@
-#include "procs/viewer_export/snapshot.h"
+#include "libs/map_view/snapshot.h"
 
 #include <algorithm>
 #include <cstdlib>

@@ -1,8 +1,8 @@
-#include "procs/viewer_export/snapshot.h"
+#include "libs/map_view/snapshot.h"
 
 #include <gtest/gtest.h>
 
-#include "tests/unit/viewer_export/test_flight.h"
+#include "tests/test_flight.h"
 
 namespace mapmend {
 namespace {

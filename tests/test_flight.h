@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "procs/viewer_export/map_model.h"
+#include "libs/map_view/map_model.h"
 
 namespace mapmend {
 

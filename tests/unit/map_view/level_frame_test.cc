@@ -1,9 +1,9 @@
-#include "procs/viewer_export/level_frame.h"
+#include "libs/map_view/level_frame.h"
 
 #include <gtest/gtest.h>
 
 #include "libs/base/random.h"
-#include "tests/unit/viewer_export/test_flight.h"
+#include "tests/test_flight.h"
 
 namespace mapmend {
 namespace {

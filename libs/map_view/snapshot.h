@@ -7,7 +7,7 @@
 
 #include "libs/formats/placed_map.h"
 #include "libs/geometry/trajectory_file.h"
-#include "procs/viewer_export/map_model.h"
+#include "libs/map_view/map_model.h"
 
 // The map as it stands, worked out once for all exporters: submaps with numbers, components, every frame's merged pose.
 namespace mapmend {
