@@ -1,78 +1,83 @@
 #include "libs/mosaic/blended_block.h"
 
-#include <cmath>
 #include <opencv2/imgproc.hpp>
-#include <vector>
 
 namespace mapmend {
 namespace {
 
-// Colours as if all images had been exposed alike.
-cv::Mat Evened(const RectifiedPatch& patch, int image, const Exposure& exposure) {
-  cv::Mat color;
-  patch.color.convertTo(color, CV_32FC3);
-  const cv::Scalar gains(exposure.Correction(image, 0, 0), exposure.Correction(image, 1, 0),
-                         exposure.Correction(image, 2, 0));
-  cv::multiply(color, gains, color);
-  if (exposure.a == 0 && exposure.b == 0) return color;
-  const cv::Mat r2 = patch.offset.mul(patch.offset);
-  cv::Mat vignetting = -exposure.a * r2 - exposure.b * r2.mul(r2);
-  cv::exp(vignetting, vignetting);
-  cv::Mat of_channels;
-  cv::merge(std::vector<cv::Mat>(3, vignetting), of_channels);
-  return color.mul(of_channels);
+// sum += weight * band, of 16-bit signed bands.
+void AddWeighted(const cv::Mat& band, const cv::Mat& weight, cv::Mat sum, cv::Mat weights) {
+  for (int y = 0; y < band.rows; ++y) {
+    const auto* from = band.ptr<cv::Vec3s>(y);
+    const auto* w = weight.ptr<float>(y);
+    auto* to = sum.ptr<cv::Vec3f>(y);
+    auto* all = weights.ptr<float>(y);
+    for (int x = 0; x < band.cols; ++x) {
+      if (w[x] <= 0) continue;
+      for (int c = 0; c < 3; ++c) to[x][c] += w[x] * from[x][c];
+      all[x] += w[x];
+    }
+  }
 }
 
-cv::Mat ThreeChannels(const cv::Mat& one) {
-  cv::Mat three;
-  cv::merge(std::vector<cv::Mat>(3, one), three);
-  return three;
+// The weighted mean; zero where nothing weighs.
+cv::Mat Mean(const cv::Mat& sum, const cv::Mat& weights) {
+  constexpr float kLeast = 1e-4F;
+  cv::Mat mean = cv::Mat::zeros(sum.size(), CV_32FC3);
+  for (int y = 0; y < sum.rows; ++y) {
+    const auto* from = sum.ptr<cv::Vec3f>(y);
+    const auto* w = weights.ptr<float>(y);
+    auto* to = mean.ptr<cv::Vec3f>(y);
+    for (int x = 0; x < sum.cols; ++x) {
+      if (w[x] > kLeast) to[x] = from[x] * (1 / w[x]);
+    }
+  }
+  return mean;
 }
 
 }  // namespace
 
-BlendedBlock::BlendedBlock(const cv::Size& size, double blend_px)
-    : kernel_(2 * static_cast<int>(std::lround(blend_px / 2)) + 1),
-      coarse_(cv::Mat::zeros(size, CV_32FC3)),
-      weight_(cv::Mat::zeros(size, CV_32F)),
-      fine_(cv::Mat::zeros(size, CV_32FC3)),
-      best_(cv::Mat::zeros(size, CV_32F)) {}
-
-// Two passes of a box are nearly a Gaussian, and their cost does not depend on its width.
-cv::Mat BlendedBlock::Smooth(const cv::Mat& values) const {
-  cv::Mat smooth;
-  cv::blur(values, smooth, {kernel_, kernel_}, {-1, -1}, cv::BORDER_REPLICATE);
-  cv::blur(smooth, smooth, {kernel_, kernel_}, {-1, -1}, cv::BORDER_REPLICATE);
-  return smooth;
+BlendedBlock::BlendedBlock(const cv::Size& size, int levels) {
+  cv::Size of_band = size;
+  for (int i = 0; i <= levels; ++i) {
+    bands_.push_back({cv::Mat::zeros(of_band, CV_32FC3), cv::Mat::zeros(of_band, CV_32F)});
+    of_band = {of_band.width / 2, of_band.height / 2};
+  }
 }
 
-void BlendedBlock::Add(const RectifiedPatch& patch, const cv::Rect& at, int image, const Exposure& exposure) {
-  const cv::Mat seen = patch.quality > 0;
-  cv::Mat color = Evened(patch, image, exposure);
-  color.setTo(cv::Scalar::all(0), ~seen);
-  cv::Mat share;
-  seen.convertTo(share, CV_32F, 1.0 / 255);
-  cv::Mat coarse;
-  cv::divide(Smooth(color), ThreeChannels(cv::max(Smooth(share), 1e-6F)), coarse);
-  const cv::Mat q2 = patch.quality.mul(patch.quality);
-  const cv::Mat weight = q2.mul(q2);
-  cv::Mat sum = coarse_(at), weights = weight_(at), fine = fine_(at), best = best_(at);
-  sum += coarse.mul(ThreeChannels(weight));
-  weights += weight;
-  const cv::Mat better = patch.quality > best;
-  cv::subtract(color, coarse, fine, better);
-  patch.quality.copyTo(best, better);
+void BlendedBlock::Add(const cv::Mat& color, const cv::Mat& mask, const cv::Rect& at) {
+  cv::Mat image, weight;
+  color.convertTo(image, CV_16SC3);
+  mask.convertTo(weight, CV_32F, 1.0 / 255);
+  cv::Rect where = at;
+  for (size_t i = 0; i < bands_.size(); ++i) {
+    cv::Mat band = image, coarser;
+    if (i + 1 < bands_.size()) {
+      cv::Mat expanded;
+      cv::pyrDown(image, coarser);
+      cv::pyrUp(coarser, expanded, image.size());
+      cv::subtract(image, expanded, band);
+    }
+    AddWeighted(band, weight, bands_[i].sum(where), bands_[i].weight(where));
+    if (coarser.empty()) break;
+    image = coarser;
+    cv::Mat weight_below;
+    cv::pyrDown(weight, weight_below);
+    weight = weight_below;
+    where = {where.x / 2, where.y / 2, where.width / 2, where.height / 2};
+  }
 }
 
-void BlendedBlock::Finish(cv::Mat* color, cv::Mat* mask) const {
-  *mask = best_ > 0;
-  cv::Mat weight = weight_.clone();
-  weight.setTo(1, ~*mask);
-  cv::Mat blended;
-  cv::divide(coarse_, ThreeChannels(weight), blended);
-  blended += fine_;
-  blended.convertTo(*color, CV_8UC3);
-  color->setTo(cv::Scalar::all(0), ~*mask);
+cv::Mat BlendedBlock::Finish() const {
+  cv::Mat picture = Mean(bands_.back().sum, bands_.back().weight);
+  for (size_t i = bands_.size() - 1; i-- > 0;) {
+    cv::Mat expanded;
+    cv::pyrUp(picture, expanded, bands_[i].sum.size());
+    picture = expanded + Mean(bands_[i].sum, bands_[i].weight);
+  }
+  cv::Mat color;
+  picture.convertTo(color, CV_8UC3);
+  return color;
 }
 
 }  // namespace mapmend

@@ -1,32 +1,31 @@
 #pragma once
 
 #include <opencv2/core.hpp>
-
-#include "libs/mosaic/exposure.h"
-#include "libs/mosaic/rectified_patch.h"
+#include <vector>
 
 namespace mapmend {
 
-// Several images of one part of the ground as one, in two bands (after P. Burt and E. Adelson, ACM TOG 1983): what is
-// coarser than blend_px is the mean of all, each weighted by how well it shows the place; what is finer comes from the
-// one that shows it best. So seams are hardly seen, and nothing is seen twice.
+// Several images of one part of the ground as one: P. Burt's and E. Adelson's multiresolution spline (ACM TOG 1983).
+// Each image is taken apart into bands of an octave; bands are joined along the seam over about the length of what they
+// hold, so that brightness changes softly and edges stay sharp.
 class BlendedBlock {
  public:
-  BlendedBlock(const cv::Size& size, double blend_px);
+  // levels: bands but the coarsest. size: multiples of 2^levels.
+  BlendedBlock(const cv::Size& size, int levels);
 
-  //   at     where the patch lies in the block
-  //   image  its index in the exposure
-  void Add(const RectifiedPatch& patch, const cv::Rect& at, int image, const Exposure& exposure);
+  // Images may overlap, masks may not.
   //   color  8 bits, 3 channels
-  //   mask   8 bits, 255 where any image shows the ground
-  void Finish(cv::Mat* color, cv::Mat* mask) const;
+  //   mask   8 bits, 255 where this image is to be seen
+  //   at     where the two lie in the block; multiples of 2^levels
+  void Add(const cv::Mat& color, const cv::Mat& mask, const cv::Rect& at);
+  // 8 bits, 3 channels; says nothing where no mask was.
+  cv::Mat Finish() const;
 
  private:
-  cv::Mat Smooth(const cv::Mat& values) const;
-
-  int kernel_;               // pixels, odd
-  cv::Mat coarse_, weight_;  // sums
-  cv::Mat fine_, best_;      // of the best image, and its quality
+  struct Band {
+    cv::Mat sum, weight;  // 32-bit float, 3 channels and 1
+  };
+  std::vector<Band> bands_;  // finest first
 };
 
 }  // namespace mapmend

@@ -39,9 +39,9 @@ std::vector<Equation> Equations(const std::vector<std::vector<BrightnessSample>>
 
 }  // namespace
 
-float Exposure::Correction(int image, int channel, float offset) const {
+float Exposure::Vignetting(float offset) const {
   const double r2 = static_cast<double>(offset) * offset;
-  return static_cast<float>(1 / (gains[image][static_cast<size_t>(channel)] * std::exp(a * r2 + b * r2 * r2)));
+  return static_cast<float>(std::exp(a * r2 + b * r2 * r2));
 }
 
 Exposure SolveExposure(int num_images, const std::vector<std::vector<BrightnessSample>>& places,

@@ -35,8 +35,12 @@ struct Exposure {
   std::vector<std::array<float, 3>> gains;  // by image
   double a = 0, b = 0;
 
-  // What to multiply a channel of an image with.
-  float Correction(int image, int channel, float offset) const;
+  // What to multiply a channel of an image with, but for the vignetting.
+  float Correction(int image, int channel) const {
+    return 1 / gains[static_cast<size_t>(image)][static_cast<size_t>(channel)];
+  }
+  // How bright an image is at an offset, in comparison with its centre.
+  float Vignetting(float offset) const;
 };
 
 // Robust least squares on logarithms. places: for each place of the ground the images that show it, two or more.

@@ -58,29 +58,37 @@ Dataset CreateRaw(const std::string& path, const GroundRaster& raster, int bands
   return dataset;
 }
 
-// What was created becomes a cloud optimized GeoTIFF.
-void Optimize(const std::string& path, const std::vector<const char*>& words) {
-  const std::string from = RawPath(path);
+// What was created, in a format: options of gdal_translate.
+void Translate(const std::string& from, const std::string& path, const std::vector<const char*>& words) {
   char** arguments = nullptr;
-  for (const char* word : {"-of", "COG", "-co", "BIGTIFF=IF_SAFER"}) arguments = CSLAddString(arguments, word);
   for (const char* word : words) arguments = CSLAddString(arguments, word);
   GDALTranslateOptions* options = GDALTranslateOptionsNew(arguments, nullptr);
   CSLDestroy(arguments);
   Dataset source(static_cast<GDALDataset*>(GDALOpen(from.c_str(), GA_ReadOnly)));
-  const std::string part = path + ".part";
+  // The name tells some drivers what to write.
+  const std::string part = path.substr(0, path.rfind('.')) + ".part" + path.substr(path.rfind('.'));
   bool good = source != nullptr && options != nullptr;
   if (good) {
     Dataset made(static_cast<GDALDataset*>(GDALTranslate(part.c_str(), source.get(), options, nullptr)));
     good = made != nullptr;
   }
   GDALTranslateOptionsFree(options);
-  source.reset();
-  std::remove(from.c_str());
-  if (!good || std::rename(part.c_str(), path.c_str()) != 0) {
-    std::remove(part.c_str());
-    Fail(path);
-  }
+  if (good && std::rename(part.c_str(), path.c_str()) == 0) return;
+  std::remove(part.c_str());
+  Fail(path);
 }
+
+// What was created becomes a cloud optimized GeoTIFF.
+void Optimize(const std::string& path, std::vector<const char*> words) {
+  for (const char* word : {"-of", "COG", "-co", "BIGTIFF=IF_SAFER"}) words.push_back(word);
+  Translate(RawPath(path), path, words);
+}
+
+// It goes, whatever happens.
+struct RawFile {
+  std::string path;
+  ~RawFile() { std::remove(path.c_str()); }
+};
 
 }  // namespace
 
@@ -114,8 +122,10 @@ void GeoTiffWriter::Write(const cv::Mat& color, const cv::Mat& mask, const cv::R
   }
 }
 
-void GeoTiffWriter::Finish() {
+void GeoTiffWriter::Finish(const std::string& overlay) {
   impl_->dataset.reset();
+  const RawFile raw{RawPath(impl_->path)};
+  if (!overlay.empty()) Translate(raw.path, overlay, {"-of", "KMLSUPEROVERLAY", "-co", "FORMAT=AUTO"});
   Optimize(impl_->path, {"-b", "1", "-b", "2", "-b", "3", "-mask", "4", "-co", "COMPRESS=JPEG", "-co", "QUALITY=90"});
 }
 
@@ -127,6 +137,7 @@ void WriteHeights(const std::string& path, const GroundSurface& surface, const G
   coarse.height = (raster.height + step - 1) / step;
   GroundRaster in_full = coarse;
   in_full.north_west += offset.head<2>();
+  const RawFile raw{RawPath(path)};
   Dataset dataset = CreateRaw(path, in_full, 1, GDT_Float32, epsg);
   std::vector<float> line(static_cast<size_t>(coarse.width));
   for (int row = 0; row < coarse.height; ++row) {

@@ -20,7 +20,8 @@ class GeoTiffWriter {
 
   // As WriteMosaicBlock. Throws std::runtime_error.
   void Write(const cv::Mat& color, const cv::Mat& mask, const cv::Rect& at);
-  void Finish();
+  //   overlay  also as a super-overlay for Google Earth, a KMZ of this name; empty: not. On the earth only.
+  void Finish(const std::string& overlay = "");
 
  private:
   struct Impl;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace mapmend {
 namespace {
@@ -42,32 +43,56 @@ std::vector<Eigen::Vector3d> BorderRays(const Camera& camera) {
 
 }  // namespace
 
-GroundView::GroundView(const Camera& camera, const Rigid3& cam_from_ground)
-    : camera_(camera),
+GroundCamera::GroundCamera(const Camera& camera)
+    : camera_(camera), border_rays_(BorderRays(camera)), central_focal_(camera.Ideal().fx) {
+  for (const Eigen::Vector3d& ray : border_rays_) max_tangent_ = std::max(max_tangent_, ray.head<2>().norm());
+}
+
+GroundView::GroundView(std::shared_ptr<const GroundCamera> camera, const Rigid3& cam_from_ground,
+                       const ReadoutMotion& motion)
+    : camera_(std::move(camera)),
       cam_from_ground_(cam_from_ground),
+      motion_(motion),
+      is_moving_(!motion.IsZero()),
       center_(cam_from_ground.Center()),
-      central_focal_(camera.Ideal().fx) {
-  for (const Eigen::Vector3d& ray : BorderRays(camera)) max_tangent_ = std::max(max_tangent_, ray.head<2>().norm());
+      border_(kBorder * std::min(camera_->camera().width, camera_->camera().height)) {}
+
+std::optional<GroundView::Sight> GroundView::Project(const Eigen::Vector3d& place) const {
+  const Camera& camera = camera_->camera();
+  const Eigen::Vector3d x = cam_from_ground_ * place;
+  constexpr double kSlack = 1.02;
+  if (!(x.z() > 0) || x.head<2>().norm() > kSlack * camera_->max_tangent() * x.z()) return std::nullopt;
+  Sight sight;
+  sight.pixel = camera.Project(x);
+  // The line in which the place is seen tells where the camera was, which tells the line.
+  constexpr int kRounds = 2;
+  for (int i = 0; is_moving_ && i < kRounds; ++i) {
+    const double line = motion_.by_columns ? sight.pixel.x() / camera.width : sight.pixel.y() / camera.height;
+    const double when = std::clamp(line, 0.0, 1.0) - 0.5;
+    const Eigen::Vector3d moved = x - when * (motion_.shift + motion_.turn.cross(x));
+    if (!(moved.z() > 0)) return std::nullopt;
+    sight.pixel = camera.Project(moved);
+  }
+  const double u = sight.pixel.x(), v = sight.pixel.y();
+  sight.inside = std::min({u, v, camera.width - 1 - u, camera.height - 1 - v});
+  const Eigen::Vector3d down = place - center_;
+  const double cosine = -down.z() / down.norm();
+  if (!(cosine > 0) || std::isnan(sight.inside)) return std::nullopt;
+  sight.steepness = cosine * cosine * cosine / x.z();
+  sight.offset = 2 * (sight.pixel - Eigen::Vector2d(camera.width, camera.height) / 2).norm() /
+                 std::hypot(camera.width, camera.height);
+  return sight;
 }
 
 std::optional<GroundView::Sight> GroundView::See(const Eigen::Vector3d& place) const {
-  const Eigen::Vector3d x = cam_from_ground_ * place;
-  constexpr double kSlack = 1.02;
-  if (!(x.z() > 0) || x.head<2>().norm() > kSlack * max_tangent_ * x.z()) return std::nullopt;
-  Sight sight;
-  sight.pixel = camera_.Project(x);
-  const double u = sight.pixel.x(), v = sight.pixel.y();
-  const double inside = std::min({u, v, camera_.width - 1 - u, camera_.height - 1 - v});
-  if (!(inside >= 0)) return std::nullopt;
-  const Eigen::Vector3d down = place - center_;
-  const double cosine = -down.z() / down.norm();
-  if (!(cosine > 0)) return std::nullopt;
-  const double border = kBorder * std::min(camera_.width, camera_.height);
+  std::optional<Sight> sight = Project(place);
+  return sight && sight->inside >= 0 ? sight : std::nullopt;
+}
+
+double GroundView::Quality(double steepness, double inside) const {
+  if (!(inside >= 0)) return 0;
   constexpr double kLeast = 1e-3;  // a place that only one image shows, at its border, is still shown
-  sight.quality = std::max(kLeast, SmoothStep(inside / border)) * cosine * cosine * cosine / x.z();
-  sight.offset = 2 * (sight.pixel - Eigen::Vector2d(camera_.width, camera_.height) / 2).norm() /
-                 std::hypot(camera_.width, camera_.height);
-  return sight;
+  return std::max(kLeast, SmoothStep(inside / border_)) * steepness;
 }
 
 std::optional<Eigen::Vector2d> GroundView::Meet(const Eigen::Vector3d& ray_cam, const GroundSurface& surface) const {
@@ -85,7 +110,7 @@ std::optional<Eigen::Vector2d> GroundView::Meet(const Eigen::Vector3d& ray_cam, 
 
 std::vector<Eigen::Vector2d> GroundView::Footprint(const GroundSurface& surface) const {
   std::vector<Eigen::Vector2d> footprint;
-  for (const Eigen::Vector3d& ray : BorderRays(camera_)) {
+  for (const Eigen::Vector3d& ray : camera_->border_rays()) {
     if (const auto place = Meet(ray, surface)) footprint.push_back(*place);
   }
   return footprint;
@@ -95,7 +120,7 @@ double GroundView::GroundSampleDistance(const GroundSurface& surface) const {
   const auto place = Meet(Eigen::Vector3d::UnitZ(), surface);
   if (!place) return 0;
   const Eigen::Vector3d ground(place->x(), place->y(), surface.Height(place->x(), place->y()));
-  return (ground - center_).norm() / central_focal_;
+  return (ground - center_).norm() / camera_->central_focal();
 }
 
 double GroundView::Tilt() const {

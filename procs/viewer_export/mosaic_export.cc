@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -9,10 +10,11 @@
 #include <vector>
 
 #include "libs/base/write_file.h"
+#include "libs/map_view/image_pixels.h"
+#include "libs/map_view/level_frame.h"
+#include "libs/map_view/shutters.h"
 #include "libs/mosaic/geotiff.h"
 #include "libs/mosaic/mosaic_pictures.h"
-#include "procs/viewer_export/image_pixels.h"
-#include "procs/viewer_export/level_frame.h"
 
 namespace mapmend {
 namespace {
@@ -38,11 +40,18 @@ struct Source {
 
 Source ListSource(const Snapshot& snapshot, int component, const FetchImage& fetch) {
   Source source{fetch, {}, {}};
-  for (const SnapshotKeyframe& keyframe : snapshot.components[component].keyframes) {
-    const std::string& session = snapshot.submaps[keyframe.submap].key.session;
+  const std::map<std::string, FoundShutter> shutters = FindShutters(snapshot);
+  const std::vector<ReadoutMove> moves = ReadoutMoves(snapshot, component, shutters);
+  const std::vector<SnapshotKeyframe>& keyframes = snapshot.components[component].keyframes;
+  for (size_t i = 0; i < keyframes.size(); ++i) {
+    const std::string& session = snapshot.submaps[keyframes[i].submap].key.session;
     const SessionStarted& started = snapshot.model->GetSession(session).info;
-    source.keys.emplace_back(session, keyframe.id);
-    source.images.push_back({LensOf(started.camera, started.pinhole), keyframe.cam_from_root});
+    source.keys.emplace_back(session, keyframes[i].id);
+    const auto shutter = shutters.find(session);
+    const bool by_columns = shutter != shutters.end() && shutter->second.by_columns;
+    source.images.push_back({LensOf(started.camera, started.pinhole),
+                             keyframes[i].cam_from_root,
+                             {moves[i].shift, moves[i].turn, by_columns}});
   }
   return source;
 }
@@ -88,7 +97,7 @@ Json WritePictures(Mosaic* mosaic, const FrameOfReference& frame, const MosaicEx
         preview.Add(color, mask, at);
       },
       progress);
-  picture.Finish();
+  picture.Finish(frame.epsg > 0 ? (folder / "mosaic.kmz").string() : "");
   constexpr int kSurfaceStep = 8;
   WriteHeights((folder / "surface.tif").string(), mosaic->Surface(), raster, kSurfaceStep, frame.origin, frame.epsg);
   const bool has_metres = frame.unit == "m";
@@ -116,19 +125,16 @@ Json WritePictures(Mosaic* mosaic, const FrameOfReference& frame, const MosaicEx
 }  // namespace
 
 const std::vector<std::string>& MosaicFiles() {
-  static const std::vector<std::string> files = {"mosaic.tif", "surface.tif", "mosaic.png", "coverage.png",
-                                                 "mosaic.json"};
+  static const std::vector<std::string> files = {"mosaic.tif",   "surface.tif", "mosaic.png",
+                                                 "coverage.png", "mosaic.json", "mosaic.kmz"};
   return files;
 }
 
 std::string ExportMosaic(Snapshot snapshot, int component, const FetchImage& image, const MosaicExportOptions& options,
                          const std::function<void(double)>& progress, const std::string& folder) {
+  if (!snapshot.components[component].frame.is_z_up) PlaceLevel(component, &snapshot);
   const Source source = ListSource(snapshot, component, image);
   if (!source.HasAny()) return Nothing(folder, "no images of keyframes are stored");
-  if (!snapshot.components[component].frame.is_z_up) {
-    PlaceLevel(component, &snapshot);
-    return ExportMosaic(std::move(snapshot), component, image, options, progress, folder);
-  }
   const FrameOfReference& frame = snapshot.components[component].frame;
   std::vector<Eigen::Vector3d> points;
   for (const ColoredPoint& point : ComponentPoints(snapshot, component)) points.push_back(point.position);

@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "libs/map_view/image_source.h"
+#include "libs/map_view/snapshot.h"
 #include "libs/mosaic/mosaic.h"
-#include "procs/viewer_export/image_source.h"
-#include "procs/viewer_export/snapshot.h"
 
 namespace mapmend {
 
@@ -31,9 +31,9 @@ struct MosaicExportOptions {
   }
 };
 
-// Writes the picture of the ground of one component into a folder: mosaic.tif, surface.tif, mosaic.png, coverage.png
-// and mosaic.json (docs/exports.md). The component is levelled first if its frame does not point upwards; the snapshot
-// is a copy. What an earlier export left there is removed if there is no picture now.
+// Writes the picture of the ground of one component into a folder: mosaic.tif, surface.tif, mosaic.png, coverage.png,
+// mosaic.json, and on the earth mosaic.kmz (docs/exports.md). The component is levelled first if its frame does not
+// point upwards; the snapshot is a copy. What an earlier export left there is removed if there is no picture now.
 //   image     of a keyframe
 //   progress  may be empty; it gets the share that is done
 // Returns mosaic.json as text; its member "problem" says why there is no picture. Throws std::runtime_error if a file

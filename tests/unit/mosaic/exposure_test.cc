@@ -53,7 +53,7 @@ TEST(Exposure, WhatDiffersForOtherReasonsDoesNotDecide) {
 TEST(Exposure, ClippedSamplesAndImagesWithoutOverlapStayAsTheyAre) {
   const std::vector<std::vector<BrightnessSample>> places = {{{0, {255, 255, 255}, 0}, {1, {100, 100, 100}, 0}}};
   const Exposure found = SolveExposure(3, places, {});
-  for (int i = 0; i < 3; ++i) EXPECT_NEAR(found.Correction(i, 0, 0.5F), 1, 1e-6);
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(found.Correction(i, 0) / found.Vignetting(0.5F), 1, 1e-6);
 }
 
 }  // namespace
