@@ -15,7 +15,7 @@ namespace mapmend {
 
 // What a process says of itself on MAPMEND_HEALTH.
 struct Health {
-  std::string process;  // frontend, submap_store, merger, viewer_export, hub
+  std::string process;  // frontend, submap_store, merger, viewer_export, mosaic, hub
   int pid = -1;
   std::string version;
   int64_t utime = 0;                       // wall clock; no decision depends on it

@@ -14,8 +14,8 @@ namespace mapmend {
 
 // Programs whose options can be set. One file of options may serve them all: each program takes what stands under its
 // own name, or under no program's, and passes over the others'.
-inline constexpr const char* kConfigurablePrograms[] = {"frontend", "hub",          "mapmend",
-                                                        "merger",   "submap_store", "viewer_export"};
+inline constexpr const char* kConfigurablePrograms[] = {"frontend", "hub",          "mapmend",      "merger",
+                                                        "mosaic",   "submap_store", "viewer_export"};
 
 // Whether a name begins with one of them, as "merger.search.max_proposals" does; a program's own name is one, too.
 bool IsUnderProgram(const std::string& name, const std::string& program);

@@ -20,7 +20,7 @@ using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
 constexpr const char* kLauncher = "mapmend";
-constexpr const char* kWatched[] = {"submap_store", "merger", "viewer_export", "frontend"};
+constexpr const char* kWatched[] = {"submap_store", "merger", "viewer_export", "mosaic", "frontend"};
 
 std::string LogFolder(const BackendOptions& options) {
   return options.logs.empty() ? options.out + "/logs" : options.logs;
@@ -85,6 +85,9 @@ void Backend::StartMergerAndViewer() {
     if (options_.seed) merger.insert(merger.end(), {"--seed", std::to_string(*options_.seed)});
     StartProcess("merger", merger, OnExit::kRestart);
   }
+  // Before the viewer, which reads what it writes, so that it is stopped after it.
+  if (options_.with_mosaic)
+    StartProcess("mosaic", {FindProgram("mosaic"), "--out", options_.out + "/mosaic.mbtiles"}, OnExit::kRestart, true);
   std::vector<std::string> viewer = {FindProgram("viewer_export"), "--out", options_.out, "--port",
                                      std::to_string(options_.port)};
   if (!options_.bind.empty()) viewer.insert(viewer.end(), {"--bind", options_.bind});
@@ -268,6 +271,10 @@ bool Backend::IsFinished(const std::string& session, int64_t last_seq) const {
   }
   const bool with_viewer = options_.with_viewer && !supervisor_.IsFailing("viewer_export");
   if ((options_.with_merger && !done(merger)) || (with_viewer && !done(viewer))) return false;
+  if (options_.with_mosaic && !supervisor_.IsFailing("mosaic")) {
+    const HealthMonitor::Entry* mosaic = Health("mosaic");
+    if (!done(mosaic) || CounterOr(mosaic, "revision", -1) < CounterOr(merger, "revision", -1)) return false;
+  }
   if (!options_.with_merger || !with_viewer) return true;
   // The viewer may be done with an earlier revision when a flight is appended to a map.
   return CounterOr(viewer, "revision", -1) >= CounterOr(merger, "revision", -1) ||

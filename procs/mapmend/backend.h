@@ -42,6 +42,7 @@ struct BackendOptions {
   int port = 0;      // of the live page, 0: none
   std::string bind;  // its address; empty: this host only
   bool with_store = true, with_merger = true, with_viewer = true;
+  bool with_mosaic = false;    // OUT/mosaic.mbtiles is drawn while the map grows
   std::string hub_bind;        // address that a hub of our own listens on; empty: as lcm_url says
   std::string hub_token_file;  // what processes of other hosts must show to that hub; empty: none
   int ready_timeout_ms = 60000;
@@ -52,7 +53,7 @@ struct BackendOptions {
   std::function<void(const std::string&)> tell;  // lines for the user while it runs: restarts, a full disk
 };
 
-// The processes behind a camera or a log: hub, store, merger, viewer; started in this order, each when the one before
+// The processes behind a camera or a log: hub, store, merger, mosaic, viewer; started in this order, each when the one before
 // is ready (or has told why it cannot be), kept alive (started again when they end or hang), and stopped in reverse
 // order.
 class Backend {
@@ -66,8 +67,8 @@ class Backend {
   // Starts one more process on the same bus: argv gets its settings, --lcm-url, --channel-prefix and
   // --log-level added.
   void StartProcess(const std::string& name, std::vector<std::string> argv, OnExit on_exit, bool is_optional = false);
-  // True once merger and viewer (those of them that were started) have finished the whole of a session. A viewer that
-  // keeps failing is not waited for. Throws std::runtime_error if the merger keeps failing.
+  // True once merger, viewer and mosaic (those of them that were started) have finished the whole of a session. A viewer
+  // or mosaic that keeps failing is not waited for. Throws std::runtime_error if the merger keeps failing.
   //   last_seq  its last record, -1 if unknown
   bool IsFinished(const std::string& session, int64_t last_seq) const;
   // The flight is over: processes that wait for their next start are started now.

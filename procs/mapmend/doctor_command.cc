@@ -36,8 +36,8 @@ Finding Note(const std::string& text) { return {Finding::Level::kNote, text}; }
 Finding Problem(const std::string& text) { return {Finding::Level::kProblem, text}; }
 
 Finding CheckPrograms() {
-  for (const char* name : {"hub", "frontend", "submap_store", "merger", "viewer_export"}) FindProgram(name);
-  return Ok("hub, frontend, submap_store, merger and viewer_export are found from " + ProgramFolder().string());
+  for (const char* name : {"hub", "frontend", "submap_store", "merger", "viewer_export", "mosaic"}) FindProgram(name);
+  return Ok("hub, frontend, submap_store, merger, viewer_export and mosaic are found from " + ProgramFolder().string());
 }
 
 Finding CheckProcessor() {

@@ -26,6 +26,14 @@ void ExportSettings::AddOptions(CLI::App* sub) {
       ->check(CLI::IsMember(FrameNames()));
 }
 
+void ExportSettings::AddMosaicOption(CLI::App* sub) {
+  sub->add_option("--mosaic", mosaic,
+                  "the picture of the ground: live (tiles in mosaic.mbtiles while the map grows, mosaic.tif at the "
+                  "end), final (mosaic.tif only) or none")
+      ->check(CLI::IsMember({"live", "final", "none"}))
+      ->capture_default_str();
+}
+
 void ExportSettings::Check() { formats = ParseFormats(given_); }
 
 ExportSettings ExportSettings::WithEarlier(const std::string& folder) const {
@@ -41,6 +49,7 @@ ExportSettings ExportSettings::WithEarlier(const std::string& folder) const {
 std::vector<std::string> ExportSettings::Arguments() const {
   std::vector<std::string> arguments;
   if (!frame.empty()) arguments.insert(arguments.end(), {"--frame", frame});
+  if (mosaic == "none") arguments.insert(arguments.end(), {"--set", "mosaic.enabled=false"});
   for (const std::string& format : formats) arguments.insert(arguments.end(), {"--format", format});
   return arguments;
 }

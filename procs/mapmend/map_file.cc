@@ -77,6 +77,7 @@ MapFile::MapFile(const MapFileOptions& options) : options_(options) {
   backend.settings = options_.settings;
   backend.with_merger = options_.with_merger;
   backend.with_viewer = !options_.out.empty();
+  backend.with_mosaic = options_.with_merger && !options_.out.empty() && options_.exports.DrawsLive();
   if (options_.out.empty()) {
     temporary_ = MakeTemporaryFolder();
     backend.out = temporary_;

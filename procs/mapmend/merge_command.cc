@@ -40,7 +40,7 @@ void AddCommonOptions(CLI::App* sub, std::string* map, MapFileOptions* options) 
   sub->add_option("--log-level", options->log_level, "of the log files in OUT/logs: debug, info, warn or error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
       ->capture_default_str();
-  options->settings.AddFlags(sub, {"hub", "submap_store", "merger", "viewer_export"});
+  options->settings.AddFlags(sub, {"hub", "submap_store", "merger", "viewer_export", "mosaic"});
 }
 
 }  // namespace

@@ -40,7 +40,8 @@ void AddOptionsCommand(CLI::App* app) {
       "options", "List every option of every process with its default, what it may be, and its unit");
   const auto programs = std::make_shared<std::vector<std::string>>();
   const auto as_table = std::make_shared<bool>(false);
-  sub->add_option("PROCESS", *programs, "only these: frontend, hub, mapmend, merger, submap_store, viewer_export")
+  sub->add_option("PROCESS", *programs,
+                  "only these: frontend, hub, mapmend, merger, mosaic, submap_store, viewer_export")
       ->check(
           CLI::IsMember(std::vector<std::string>(std::begin(kConfigurablePrograms), std::end(kConfigurablePrograms))));
   sub->add_flag("--table", *as_table, "as tables in Markdown instead of YAML");

@@ -27,12 +27,41 @@ namespace {
 namespace fs = std::filesystem;
 
 // What a run writes into its folder beside the formats of libs/formats.
-constexpr const char* kResults[] = {
-    "map.db",        "map.db-wal",    "map.db-shm",    "map.ply",       "cameras.ply",       "frames.tum",
-    "keyframes.tum", "components",    "submaps",       "graph.dot",     "graph.svg",         "report.html",
-    "summary.json",  "logs",          "outbox",        "colmap",        "trajectory.svg",    "events.jsonl",
-    "images.db",     "images.db-wal", "images.db-shm", "outbox.images", "outbox.images-wal", "outbox.images-shm",
-    "edges"};
+constexpr const char* kResults[] = {"map.db",
+                                    "map.db-wal",
+                                    "map.db-shm",
+                                    "map.ply",
+                                    "cameras.ply",
+                                    "frames.tum",
+                                    "keyframes.tum",
+                                    "components",
+                                    "submaps",
+                                    "graph.dot",
+                                    "graph.svg",
+                                    "report.html",
+                                    "summary.json",
+                                    "logs",
+                                    "outbox",
+                                    "colmap",
+                                    "trajectory.svg",
+                                    "events.jsonl",
+                                    "images.db",
+                                    "images.db-wal",
+                                    "images.db-shm",
+                                    "outbox.images",
+                                    "outbox.images-wal",
+                                    "outbox.images-shm",
+                                    "edges",
+                                    "mosaic.tif",
+                                    "surface.tif",
+                                    "mosaic.png",
+                                    "coverage.png",
+                                    "mosaic.json",
+                                    "mosaic.kml",
+                                    "mosaic.kmz",
+                                    "mosaic.mbtiles",
+                                    "mosaic.mbtiles-wal",
+                                    "mosaic.mbtiles-shm"};
 
 // Whether a database holds anything worth keeping: a run that failed before its first keyframe leaves none. What cannot
 // be read is kept.

@@ -34,6 +34,7 @@ struct ReplayOptions {
   std::optional<int> port;  // unset: a free one from 8080 on; 0: no page
   double speed = 0;
   bool overwrite = false;
+  ExportSettings exports;
   ProcessSettings settings;
 };
 
@@ -107,6 +108,8 @@ int Replay(ReplayOptions options) {
     backend_options.log_level = options.log_level;
     backend_options.seed = options.seed;
     backend_options.settings = options.settings;
+    backend_options.export_arguments = options.exports.Arguments();
+    backend_options.with_mosaic = options.exports.DrawsLive();
     backend_options.port = port;
     Backend backend(backend_options);
     progress.Say("mapping the recording " + name + " into " + options.out + "; bus " + backend.Url() +
@@ -152,6 +155,7 @@ void AddReplayCommand(CLI::App* app) {
                   "that kind")
       ->required();
   sub->add_option("--out", options->out, "folder of the results")->capture_default_str();
+  options->exports.AddMosaicOption(sub);
   sub->add_flag("--overwrite", options->overwrite, "replace the results of an earlier run in --out");
   sub->add_option("--vocabulary", options->vocabulary,
                   "the one that the recording was made with (default: mapmend's own)");
@@ -163,7 +167,7 @@ void AddReplayCommand(CLI::App* app) {
       ->capture_default_str();
   sub->add_option("--port", options->port, "of the live page, 0: none (default: a free one from 8080 on)");
   AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
-  options->settings.AddFlags(sub, {"hub", "submap_store", "merger", "viewer_export"});
+  options->settings.AddFlags(sub, {"hub", "submap_store", "merger", "viewer_export", "mosaic"});
   sub->footer(
       "Exit codes: 0 done; 1 an error, told in one line; 2 a mistake in the command line; 3 the recording is damaged "
       "or not\ncomplete (what is sound is mapped); 4 the main map holds less than half of the flight; 130 "

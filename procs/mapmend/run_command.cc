@@ -125,6 +125,7 @@ void AddRunCommand(CLI::App* app) {
                   "largest difference in time of poses compared with the ground truth, seconds (default: 0.01)")
       ->check(CLI::Range(0.0, 1e6));
   options->exports.AddOptions(sub);
+  options->exports.AddMosaicOption(sub);
   sub->add_option(
       "--groundtruth-origin", options->groundtruth_origin,
       "LATITUDE,LONGITUDE,ALTITUDE of a ground truth that is east, north, up (default: the one in its head, "
@@ -141,7 +142,7 @@ void AddRunCommand(CLI::App* app) {
   auto* quiet_flag = sub->add_flag("--quiet", options->quiet, "print nothing but errors");
   sub->add_flag("--json", options->json, "print nothing but the summary at the end, as JSON")->excludes(quiet_flag);
   AddBusOptions(sub, &options->lcm_url, &options->channel_prefix, &options->log_level);
-  options->settings.AddFlags(sub, {"frontend", "hub", "submap_store", "merger", "viewer_export"});
+  options->settings.AddFlags(sub, {"frontend", "hub", "submap_store", "merger", "viewer_export", "mosaic"});
   sub->footer(
       "Exit codes: 0 done; 1 an error, told in one line; 2 a mistake in the command line; 3 INPUT ends early, or\n"
       "frames of it could not be used (the rest is mapped); 4 mapped, but the main map holds less than half of the "

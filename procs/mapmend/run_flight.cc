@@ -208,16 +208,17 @@ void RescueAfterDeath(const RunOptions& options, const std::string& complaint, B
   if (ListSessions(backend->bus()).empty()) throw std::runtime_error(complaint);
 }
 
+bool AllFinished(const Backend& backend, const std::vector<StoredSession>& sessions) {
+  return std::all_of(sessions.begin(), sessions.end(),
+                     [&](const auto& session) { return backend.IsFinished(session.id, session.last_seq); });
+}
+
 void WaitForMap(double num_keyframes, Backend* backend, Progress* progress, FlightEnd* flight_end) {
   backend->HurryRestarts();
   const auto since = Clock::now();
   const double estimate_s = EstimateMergingSeconds(num_keyframes, 1);
   const auto sessions = ListSessions(backend->bus());
-  const auto is_finished = [&] {
-    return std::all_of(sessions.begin(), sessions.end(),
-                       [&](const auto& session) { return backend->IsFinished(session.id, session.last_seq); });
-  };
-  while (!is_finished()) {
+  while (!AllFinished(*backend, sessions)) {
     const auto* merger = backend->Health("merger");
     const auto counter = [&](const char* name) { return static_cast<int>(CounterOr(merger, name, 0)); };
     progress->Show(DescribeMerging(counter("connections"), counter("edges_accepted"), counter("components"), estimate_s,
@@ -258,6 +259,7 @@ int RunFlight(const RunInputs& inputs) {
     backend_options.seed = options.seed;
     backend_options.settings = options.settings;
     backend_options.export_arguments = options.exports.WithEarlier(options.out).Arguments();
+    backend_options.with_mosaic = options.exports.DrawsLive();
     backend_options.port = port;
     backend_options.bind = options.bind;
     std::filesystem::remove(ProfilePath(options));  // of an earlier flight into the same map
@@ -312,6 +314,9 @@ int RunFlight(const RunInputs& inputs) {
     WaitForMap(CounterOr(&frontend, "keyframes", 0), &backend, &progress, &flight_end);
     const ImageFigures image_figures =
         images.Finish([&] { flight_end.Tick(50); }, [&](const std::string& line) { progress.Show(line); });
+    // Images that came last.
+    const auto sessions = ListSessions(backend.bus());
+    while (!AllFinished(backend, sessions)) flight_end.Tick(50);
     if (recorder) recorder->Finish();
     const std::string export_problem = backend.ExportProblem();
     std::string loss = export_problem;

@@ -32,6 +32,7 @@ struct StationOptions {
   std::string out = "mapmend-station", vocabulary, bind = "127.0.0.1", token_file, channel_prefix, log_level = "info";
   int port = 7700;
   std::optional<int> page_port, seed;
+  ExportSettings exports;
   ProcessSettings settings;
 };
 
@@ -178,6 +179,8 @@ class Station {
     backend.log_level = options_.log_level;
     backend.seed = options_.seed;
     backend.settings = options_.settings;
+    backend.with_mosaic = options_.exports.DrawsLive();
+    backend.export_arguments = options_.exports.Arguments();
     backend.port = page_port;
     backend.tell = [this](const std::string& line) { progress_.Say(line); };
     return backend;
@@ -239,6 +242,7 @@ void AddStationCommand(CLI::App* app) {
   const auto options = std::make_shared<StationOptions>();
   sub->add_option("--out", options->out, "folder of the map; flights are added to what it holds")
       ->capture_default_str();
+  options->exports.AddMosaicOption(sub);
   sub->add_option("--bind", options->bind, "address at which vehicles reach the station; 0.0.0.0: all of this host's")
       ->capture_default_str();
   sub->add_option("--port", options->port, "TCP port for the vehicles")
@@ -256,7 +260,7 @@ void AddStationCommand(CLI::App* app) {
   sub->add_option("--log-level", options->log_level, "of the log files in OUT/logs: debug, info, warn or error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
       ->capture_default_str();
-  options->settings.AddFlags(sub, {"hub", "submap_store", "merger", "viewer_export"});
+  options->settings.AddFlags(sub, {"hub", "submap_store", "merger", "viewer_export", "mosaic"});
   sub->footer(
       "Runs until Ctrl-C; then flights whose vehicle is silent are closed and the map is finished. A second Ctrl-C\n"
       "leaves at once. Started again with the same --out, it goes on.");

@@ -147,11 +147,11 @@ TEST_F(OptionsProcessTest, AMistakeEndsARunBeforeAnythingIsStarted) {
          "--set mapmend.watchdog.silent_ms = never: 'never' is not a whole number");
   expect({"--set", "fronted.tracker.min_inliers=30"},
          "--set fronted.tracker.min_inliers=30: begins with no process of this command (frontend, hub, submap_store, "
-         "merger, viewer_export, mapmend); did you mean frontend?");
+         "merger, viewer_export, mosaic, mapmend); did you mean frontend?");
   const std::string file = Write("run.yaml", "merger:\n  graph.max_evidence: 50\nsearch.max_proposals: 3\n");
   expect({"--config", file}, "--config " + file +
                                  ":3: search.max_proposals: options stand under the name of their process (frontend, "
-                                 "hub, submap_store, merger, viewer_export, mapmend)");
+                                 "hub, submap_store, merger, viewer_export, mosaic, mapmend)");
   const std::string wrong = Write("wrong.yaml", "merger:\n  graph.max_evidences: 50\n");
   expect({"--config", wrong}, "--config " + wrong +
                                   ":2: merger.graph.max_evidences: no such option; did you mean "
