@@ -4,7 +4,7 @@
 #include <sys/stat.h>
 
 #include <array>
-#include <filesystem>
+#include <functional>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
@@ -22,6 +22,8 @@ CREATE UNIQUE INDEX metadata_name ON metadata(name);
 CREATE TABLE tiles(zoom_level INTEGER, tile_column INTEGER, tile_row INTEGER, tile_data BLOB);
 CREATE UNIQUE INDEX tile_index ON tiles(zoom_level, tile_column, tile_row);
 CREATE TABLE mapmend_note(zoom_level INTEGER, tile_column INTEGER, tile_row INTEGER, note TEXT NOT NULL,
+  PRIMARY KEY(zoom_level, tile_column, tile_row));
+CREATE TABLE mapmend_stale(zoom_level INTEGER, tile_column INTEGER, tile_row INTEGER,
   PRIMARY KEY(zoom_level, tile_column, tile_row));
 CREATE TABLE mapmend_image(id INTEGER PRIMARY KEY, session TEXT NOT NULL, keyframe INTEGER NOT NULL,
   width INTEGER NOT NULL, height INTEGER NOT NULL, brightness BLOB NOT NULL, UNIQUE(session, keyframe));
@@ -89,7 +91,7 @@ std::vector<uint8_t> EncodeTile(const cv::Mat& picture) {
     cv::cvtColor(picture, color, cv::COLOR_BGRA2BGR);
     cv::imencode(".jpg", color, bytes, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
   } else {
-    constexpr int kCompression = 3;
+    constexpr int kCompression = 1;  // of 9: tiles at the border are made often
     cv::imencode(".png", picture, bytes, {cv::IMWRITE_PNG_COMPRESSION, kCompression});
   }
   return bytes;
@@ -141,6 +143,19 @@ struct TileFile::Impl {
     statement.exec();
   }
 
+  void MarkStale(const TileAddress& tile) {
+    SQLite::Statement statement(*sql, "INSERT OR IGNORE INTO mapmend_stale VALUES(?, ?, ?)");
+    BindAddress(tile, &statement);
+    statement.exec();
+  }
+
+  std::set<TileAddress, std::greater<>> Stale() const {
+    std::set<TileAddress, std::greater<>> stale;
+    SQLite::Statement row(*sql, "SELECT * FROM mapmend_stale");
+    while (row.executeStep()) stale.insert(ReadAddress(&row));
+    return stale;
+  }
+
   void PutNote(const TileAddress& tile, const std::string& note) {
     SQLite::Statement statement(*sql, note.empty() ? "DELETE FROM mapmend_note WHERE zoom_level = ? AND tile_column = "
                                                      "? AND tile_row = ?"
@@ -189,24 +204,32 @@ TileFile::~TileFile() {
   }
 }
 
-void TileFile::Put(const Changes& changes, int min_zoom) {
+void TileFile::Put(const Changes& changes) {
   impl_->Guarded([&] {
     SQLite::Transaction transaction(*impl_->sql);
-    std::set<TileAddress> parents;
     for (const auto& [tile, bytes] : changes.tiles) {
       impl_->PutTile(tile, bytes);
-      if (tile.zoom > min_zoom) parents.insert(tile.Parent());
-    }
-    while (!parents.empty()) {
-      std::set<TileAddress> above;
-      for (const TileAddress& tile : parents) {
-        impl_->PutTile(tile, impl_->MakeFromChildren(tile));
-        if (tile.zoom > min_zoom) above.insert(tile.Parent());
-      }
-      parents = std::move(above);
+      if (tile.zoom > 0) impl_->MarkStale(tile.Parent());
     }
     for (const auto& [tile, note] : changes.notes) impl_->PutNote(tile, note);
     for (const auto& [name, value] : changes.metadata) impl_->PutMetadata(name, value);
+    transaction.commit();
+  });
+}
+
+void TileFile::UpdateCoarser(int min_zoom) {
+  impl_->Guarded([&] {
+    SQLite::Transaction transaction(*impl_->sql);
+    // The finest first: each is part of a coarser one.
+    std::set<TileAddress, std::greater<>> stale = impl_->Stale();
+    while (!stale.empty()) {
+      const TileAddress tile = *stale.begin();
+      stale.erase(stale.begin());
+      if (tile.zoom < min_zoom) continue;
+      impl_->PutTile(tile, impl_->MakeFromChildren(tile));
+      if (tile.zoom > min_zoom) stale.insert(tile.Parent());
+    }
+    impl_->sql->exec("DELETE FROM mapmend_stale");
     transaction.commit();
   });
 }
@@ -216,6 +239,7 @@ void TileFile::Clear() {
     SQLite::Transaction transaction(*impl_->sql);
     impl_->sql->exec("DELETE FROM tiles");
     impl_->sql->exec("DELETE FROM mapmend_note");
+    impl_->sql->exec("DELETE FROM mapmend_stale");
     transaction.commit();
   });
 }

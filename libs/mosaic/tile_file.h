@@ -36,8 +36,11 @@ class TileFile {
     std::map<TileAddress, std::string> notes;           // any text by which their maker knows them; empty: it goes
     std::map<std::string, std::string> metadata;        // by name; empty: it goes
   };
-  // In one transaction, with all tiles of coarser zooms, down to min_zoom, that these are part of.
-  void Put(const Changes& changes, int min_zoom);
+  // In one transaction. The tiles of coarser zooms that these are part of are out of date until UpdateCoarser, which
+  // also whoever opens the file later can call.
+  void Put(const Changes& changes);
+  // Makes those that are out of date, down to min_zoom.
+  void UpdateCoarser(int min_zoom);
   // Removes all tiles and notes.
   void Clear();
 

@@ -26,9 +26,10 @@ struct TileAddress {
 
 inline double TileSize(int zoom) { return 2 * kHalfWorld / std::ldexp(1, zoom); }
 inline double TilePixelSize(int zoom) { return TileSize(zoom) / kTilePixels; }
-// At which a pixel is nearest to that size, as a ratio.
+// At which pixels are at least 0.84 and less than 1.68 times as large.
 inline int ZoomOf(double pixel_size) {
-  return std::clamp(static_cast<int>(std::lround(std::log2(TilePixelSize(0) / pixel_size))), 0, kMaxZoom);
+  constexpr double kFiner = 0.25;  // octaves
+  return std::clamp(static_cast<int>(std::floor(std::log2(TilePixelSize(0) / pixel_size) + kFiner)), 0, kMaxZoom);
 }
 
 inline TileAddress TileAt(int zoom, const Eigen::Vector2d& place) {

@@ -210,7 +210,9 @@ void TileMosaic::Work(std::chrono::steady_clock::time_point until) {
   TileFile::Changes changes;
   std::vector<TileAddress> looked_at;
   const auto put = [&] {
-    if (!changes.tiles.empty()) file_->Put(changes, std::max(0, scene_.zoom - options_.num_zooms + 1));
+    if (changes.tiles.empty()) return;
+    file_->Put(changes);
+    is_coarser_stale_ = true;
     for (const auto& [unit, text] : changes.notes) {
       const auto recipe = TileRecipe::FromText(text);
       recipe ? static_cast<void>(made_[unit] = *recipe) : static_cast<void>(made_.erase(unit));
@@ -228,6 +230,17 @@ void TileMosaic::Work(std::chrono::steady_clock::time_point until) {
     throw;
   }
   put();
+  UpdateCoarser();
+}
+
+// Each of them is part of many finer ones: not with each of these.
+void TileMosaic::UpdateCoarser() {
+  constexpr auto kInterval = std::chrono::seconds(2);
+  const auto now = std::chrono::steady_clock::now();
+  if (!is_coarser_stale_ || scene_.zoom == 0 || (!pending_.empty() && now - coarser_updated_ < kInterval)) return;
+  file_->UpdateCoarser(std::max(0, scene_.zoom - options_.num_zooms + 1));
+  is_coarser_stale_ = false;
+  coarser_updated_ = std::chrono::steady_clock::now();
 }
 
 }  // namespace mapmend

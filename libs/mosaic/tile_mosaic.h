@@ -46,8 +46,8 @@ class TileMosaic {
   // An image has been read; as the cache would.
   void Keep(int id, cv::Mat image) { cache_.Put(id, std::move(image)); }
 
-  // Units to be looked at.
-  int NumPending() const { return static_cast<int>(pending_.size()); }
+  // Units to be looked at; one more while coarser tiles are out of date.
+  int NumPending() const { return static_cast<int>(pending_.size()) + (is_coarser_stale_ && scene_.zoom > 0 ? 1 : 0); }
   // Looks at units, and makes those that need it, until then; at least one. Throws what `read` throws.
   void Work(std::chrono::steady_clock::time_point until);
   int64_t NumMade() const { return num_made_; }  // units
@@ -63,6 +63,7 @@ class TileMosaic {
   bool IsDone(const TileAddress& unit) const;
   void Make(const TileAddress& unit, TileFile::Changes* changes);
   cv::Mat Picture(const TileAddress& unit);
+  void UpdateCoarser();
   int UnitZoom() const { return scene_.zoom - 1; }
 
   const TileMosaicOptions options_;
@@ -76,6 +77,8 @@ class TileMosaic {
   std::map<Key, GroundView> marked_;                          // images where they were when units were marked for them
   std::map<TileAddress, std::array<float, 9>> seen_heights_;  // of the surface, likewise
   int64_t num_made_ = 0;
+  bool is_coarser_stale_ = true;  // as far as is known
+  std::chrono::steady_clock::time_point coarser_updated_;
 };
 
 }  // namespace mapmend

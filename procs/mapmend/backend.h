@@ -53,9 +53,9 @@ struct BackendOptions {
   std::function<void(const std::string&)> tell;  // lines for the user while it runs: restarts, a full disk
 };
 
-// The processes behind a camera or a log: hub, store, merger, mosaic, viewer; started in this order, each when the one before
-// is ready (or has told why it cannot be), kept alive (started again when they end or hang), and stopped in reverse
-// order.
+// The processes behind a camera or a log: hub, store, merger, mosaic, viewer; started in this order, each when the one
+// before is ready (or has told why it cannot be), kept alive (started again when they end or hang), and stopped in
+// reverse order.
 class Backend {
  public:
   // Returns once all are ready. Throws std::runtime_error with the line of the process that failed, or Interrupted.
@@ -67,8 +67,8 @@ class Backend {
   // Starts one more process on the same bus: argv gets its settings, --lcm-url, --channel-prefix and
   // --log-level added.
   void StartProcess(const std::string& name, std::vector<std::string> argv, OnExit on_exit, bool is_optional = false);
-  // True once merger, viewer and mosaic (those of them that were started) have finished the whole of a session. A viewer
-  // or mosaic that keeps failing is not waited for. Throws std::runtime_error if the merger keeps failing.
+  // True once merger, viewer and mosaic (those of them that were started) have finished the whole of a session. A
+  // viewer or mosaic that keeps failing is not waited for. Throws std::runtime_error if the merger keeps failing.
   //   last_seq  its last record, -1 if unknown
   bool IsFinished(const std::string& session, int64_t last_seq) const;
   // The flight is over: processes that wait for their next start are started now.

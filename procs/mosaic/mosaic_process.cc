@@ -158,7 +158,7 @@ class MosaicLoop {
     TileFile::Changes changes;
     changes.metadata = scene_.Metadata(tiles_.Scene());
     changes.metadata["minzoom"] = std::to_string(std::max(0, tiles_.Scene().zoom - options_.tiles.num_zooms + 1));
-    if (changes.metadata != metadata_) file_.Put(changes, 0);
+    if (changes.metadata != metadata_) file_.Put(changes);
     metadata_ = std::move(changes.metadata);
     const auto end = Clock::now();
     const auto pause = std::chrono::duration_cast<Clock::duration>(options_.pause_share * (end - begin));

@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "libs/base/write_file.h"
-#include "procs/viewer_export/colmap_model.h"
 #include "libs/map_view/image_pixels.h"
+#include "procs/viewer_export/colmap_model.h"
 
 namespace mapmend {
 namespace {

@@ -8,8 +8,8 @@
 #include <optional>
 #include <utility>
 
-#include "libs/stream/keyframe_images.h"
 #include "libs/map_view/image_pixels.h"
+#include "libs/stream/keyframe_images.h"
 
 namespace mapmend {
 namespace {

@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "procs/viewer_export/colmap_camera.h"
 #include "libs/map_view/snapshot.h"
+#include "procs/viewer_export/colmap_camera.h"
 
 namespace mapmend {
 

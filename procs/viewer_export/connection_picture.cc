@@ -6,8 +6,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "procs/viewer_export/connection_matches.h"
 #include "libs/map_view/image_pixels.h"
+#include "procs/viewer_export/connection_matches.h"
 
 namespace mapmend {
 namespace {

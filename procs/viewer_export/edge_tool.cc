@@ -12,11 +12,11 @@
 #include "libs/base/write_file.h"
 #include "libs/bus/bus.h"
 #include "libs/bus/process.h"
+#include "libs/map_view/snapshot.h"
 #include "libs/wire/store_client.h"
 #include "libs/wire/stream_consumer.h"
 #include "procs/viewer_export/connection_picture.h"
 #include "procs/viewer_export/picture_store.h"
-#include "libs/map_view/snapshot.h"
 
 namespace mapmend {
 namespace {

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "procs/viewer_export/coverage.h"
 #include "libs/map_view/world.h"
+#include "procs/viewer_export/coverage.h"
 
 namespace mapmend {
 

@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "libs/merging/restoration_log.h"
 #include "libs/map_view/snapshot.h"
+#include "libs/merging/restoration_log.h"
 
 namespace mapmend {
 

@@ -2,8 +2,8 @@
 
 #include <string>
 
-#include "procs/viewer_export/map_evaluation.h"
 #include "libs/map_view/snapshot.h"
+#include "procs/viewer_export/map_evaluation.h"
 
 namespace mapmend {
 

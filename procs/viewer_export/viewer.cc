@@ -14,6 +14,7 @@
 #include "libs/bus/channels.h"
 #include "libs/bus/health.h"
 #include "libs/bus/process.h"
+#include "libs/map_view/snapshot.h"
 #include "libs/wire/revision_codec.h"
 #include "libs/wire/store_client.h"
 #include "libs/wire/stream_codec.h"
@@ -24,7 +25,6 @@
 #include "procs/viewer_export/live_state.h"
 #include "procs/viewer_export/picture_store.h"
 #include "procs/viewer_export/restoration.h"
-#include "libs/map_view/snapshot.h"
 
 namespace mapmend {
 namespace {

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "libs/map_view/world.h"
+#include "procs/viewer_export/map_evaluation.h"
 
 namespace mapmend {
 

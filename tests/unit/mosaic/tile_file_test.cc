@@ -39,7 +39,8 @@ TEST(TileFile, CoarserTilesFollowTheFinestOnes) {
   changes.tiles[tile] = EncodeTile(Plain({0, 0, 200}));
   changes.tiles[{12, 2101, 1400}] = EncodeTile(Plain({200, 0, 0}));
   changes.notes[tile.Parent()] = "a note";
-  file.Put(changes, 10);
+  file.Put(changes);
+  file.UpdateCoarser(10);
   ASSERT_EQ(file.Tiles().size(), 4u) << "two, their parent, and its";
   const cv::Mat parent = DecodeTile(*file.Tile({11, 1050, 700}));
   EXPECT_NEAR(parent.at<cv::Vec4b>(10, 10)[2], 200, 3);
@@ -51,7 +52,8 @@ TEST(TileFile, CoarserTilesFollowTheFinestOnes) {
   none.tiles[tile] = {};
   none.tiles[{12, 2101, 1400}] = {};
   none.notes[tile.Parent()] = "";
-  file.Put(none, 10);
+  file.Put(none);
+  file.UpdateCoarser(10);
   EXPECT_TRUE(file.Tiles().empty());
   EXPECT_TRUE(file.Notes().empty());
 }
@@ -62,14 +64,16 @@ TEST(TileFile, IsReadWhileItIsWritten) {
   TileFile::Changes changes;
   changes.tiles[{12, 2100, 1400}] = EncodeTile(Plain({0, 0, 200}));
   changes.metadata = {{"name", "test"}, {"frame", "local"}};
-  file.Put(changes, 8);
+  file.Put(changes);
+  file.UpdateCoarser(8);
   {
     const TileFile reader(folder.File("a.mbtiles"));
     EXPECT_EQ(reader.Tiles().size(), 5u);
     EXPECT_EQ(reader.Metadata().at("frame"), "local");
   }
   changes.metadata["frame"] = "";
-  file.Put(changes, 8);
+  file.Put(changes);
+  file.UpdateCoarser(8);
   EXPECT_FALSE(file.Metadata().contains("frame"));
   EXPECT_EQ(file.AddImage({"session", 3}, {-1, 640, 480, {1, 2}}), 1);
   EXPECT_EQ(file.Images().at({"session", 3}).height, 480);
@@ -104,7 +108,8 @@ TEST(TileFile, GdalReadsIt) {
                         {"maxzoom", "14"},
                         {"bounds", std::to_string(longitude(8000)) + "," + std::to_string(latitude(5004)) + "," +
                                        std::to_string(longitude(8004)) + "," + std::to_string(latitude(5000))}};
-    file.Put(changes, 10);
+    file.Put(changes);
+    file.UpdateCoarser(10);
   }
   GDALAllRegister();
   GDALDataset* dataset = GDALDataset::Open((folder.File("a.mbtiles")).c_str(), GDAL_OF_RASTER);

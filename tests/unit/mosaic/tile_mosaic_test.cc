@@ -136,7 +136,7 @@ TEST(TileMosaic, WhatMovesVisiblyIsMadeAnewAndWhatGoesIsTakenAway) {
     return maker.Finish();
   };
   EXPECT_GT(set(0), 0);
-  EXPECT_EQ(set(0.01), 0) << "a third of a pixel";
+  EXPECT_EQ(set(0.05), 0) << "a pixel and a half";
   const int64_t moved = set(0.5);
   EXPECT_GT(moved, 0);
   maker.tiles.SetScene(Flight::Scene({Flight::Part("a", 0, 3)}), {0, 0}, false);
