@@ -91,8 +91,7 @@ std::vector<uint8_t> EncodeTile(const cv::Mat& picture) {
     cv::cvtColor(picture, color, cv::COLOR_BGRA2BGR);
     cv::imencode(".jpg", color, bytes, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
   } else {
-    constexpr int kCompression = 1;  // of 9: tiles at the border are made often
-    cv::imencode(".png", picture, bytes, {cv::IMWRITE_PNG_COMPRESSION, kCompression});
+    cv::imencode(".png", picture, bytes);  // without settings OpenCV takes its fastest
   }
   return bytes;
 }

@@ -23,7 +23,7 @@ struct LiveSceneOptions {
   template <typename Visitor>
   void Visit(Visitor& v) {
     v("placement", placement);
-    frames.Visit(v);
+    v("frames", frames);
     ground.Visit(v);
     v("exposure", exposure);
   }
