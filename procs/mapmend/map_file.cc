@@ -165,6 +165,9 @@ void MapFile::CopyFlights(const std::string& logs) {
 // First the exports, then the map: it is what they are made from.
 void MapFile::TakeOver() {
   if (!exports_.empty()) {
+    // What SQLite may have left beside the file of tiles belongs to the one that goes.
+    std::error_code ignored;
+    for (const char* suffix : {"-wal", "-shm"}) fs::remove(options_.out + "/mosaic.mbtiles" + suffix, ignored);
     for (const auto& entry : fs::directory_iterator(exports_)) {
       const fs::path target = fs::path(options_.out) / entry.path().filename();
       if (entry.is_directory()) fs::remove_all(target);

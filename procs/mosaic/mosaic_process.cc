@@ -73,7 +73,6 @@ class MosaicLoop {
       }
       Report();
     }
-    health_.SetState("done");
   }
 
  private:

@@ -15,7 +15,7 @@ import attacks
 import flight
 
 SETTLE_S = 1.0  # what was tracked earlier than that before the power went must be in the map
-SERVICES = ("hub", "submap_store", "merger", "viewer_export")
+SERVICES = ("hub", "submap_store", "merger", "viewer_export", "mosaic")
 
 
 class _PoseCounter(threading.Thread):

@@ -43,6 +43,29 @@ TEST(GeoTiff, LiesWhereTheRasterSays) {
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.Path()), {}), 1) << "nothing else is left";
 }
 
+// GDAL reads it back as Google Earth does: where it lies, and its colours.
+TEST(GeoTiff, AnOverlayForGoogleEarthLiesThereToo) {
+  const ScratchFolder folder;
+  GeoTiffWriter writer(folder.File("mosaic.tif"), kRaster, 32631);
+  const cv::Mat color(600, 700, CV_8UC3, cv::Scalar(10, 100, 200)), mask(600, 700, CV_8U, cv::Scalar(255));
+  writer.Write(color, mask, {0, 0, 700, 600});
+  writer.Finish(folder.File("mosaic.kmz"));
+  EXPECT_TRUE(std::filesystem::exists(folder.File("mosaic.tif")));
+  auto* dataset = static_cast<GDALDataset*>(GDALOpen(folder.File("mosaic.kmz").c_str(), GA_ReadOnly));
+  ASSERT_NE(dataset, nullptr);
+  std::array<double, 6> transform;
+  ASSERT_EQ(dataset->GetGeoTransform(transform.data()), CE_None);
+  // The corner is 500 km east of zone 31's western reference, on its central meridian: 3 degrees east.
+  EXPECT_NEAR(transform[0], 3, 1e-3);
+  EXPECT_NEAR(transform[3], 48.75, 0.02);
+  uint8_t red = 0;
+  EXPECT_EQ(dataset->GetRasterBand(1)->RasterIO(GF_Read, dataset->GetRasterXSize() / 2, dataset->GetRasterYSize() / 2,
+                                                1, 1, &red, 1, 1, GDT_Byte, 0, 0, nullptr),
+            CE_None);
+  EXPECT_NEAR(red, 200, 6);
+  GDALClose(dataset);
+}
+
 TEST(GeoTiff, LeavesNothingBehindUnlessItIsFinished) {
   const ScratchFolder folder;
   { const GeoTiffWriter writer(folder.File("mosaic.tif"), kRaster, 0); }
