@@ -25,6 +25,7 @@ class KeyframeSource {
 // always there. What a keyframe's record says of its features never changes, so results do not depend on the capacity.
 class KeyframeCache {
  public:
+  // source: may be null; then what is not held cannot be had.
   KeyframeCache(int capacity, KeyframeSource* source, std::map<std::string, Session>* sessions)
       : capacity_(capacity), source_(source), sessions_(sessions) {}
 
@@ -34,6 +35,7 @@ class KeyframeCache {
   // loaded.
   void Load(const SubmapKey& submap, const std::vector<const SubmapKeyframe*>& keyframes);
 
+  KeyframeSource* source() const { return source_; }
   int num_loaded() const { return static_cast<int>(order_.size()); }
   int64_t num_reads() const { return num_reads_; }
 

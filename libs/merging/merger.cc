@@ -29,7 +29,6 @@ std::string MergerOptions::Check() const { return CheckOptions(*this); }
 Merger::Merger(const MergerOptions& options, BowSource* bow, MergerOutput* output, KeyframeSource* keyframes)
     : options_(options),
       output_(output),
-      keyframes_(keyframes),
       search_(options.search, &sessions_, bow, keyframes, [output] { output->OnProgress("looking for connections"); }),
       wide_search_(options.wide, &sessions_, keyframes,
                    [output] { output->OnProgress("bridging gaps by wide features"); }),
@@ -66,7 +65,7 @@ std::string Merger::Consume(const Record& record) {
     }
   } else if (const auto* wide = std::get_if<WideFeaturesRecord>(&record.body)) {
     // Half a megabyte each, and seldom needed: they are read again.
-    if (keyframes_ != nullptr) session.submaps.at(wide->submap).ForgetWide(*wide);
+    if (keyframes() != nullptr) session.submaps.at(wide->submap).ForgetWide(*wide);
   } else if (const auto* end = std::get_if<SubmapEnded>(&record.body)) {
     const std::set<SubmapPair> looked_at = search_.OnSubmapEnd({id, end->submap}, &graph_);
     session.submaps.at(end->submap).ForgetObservations();
@@ -119,7 +118,7 @@ bool Merger::RefinementIsDue() const {
 }
 
 RefinementTask Merger::MakeRefinement() {
-  RefinementTask task = refinement_.Begin(sessions_, graph_, Places(), complete_, keyframes_ == nullptr);
+  RefinementTask task = refinement_.Begin(sessions_, graph_, Places(), complete_, keyframes() == nullptr);
   task.state = Number();
   task.is_final = complete_ && AllEnded();
   return task;
@@ -155,7 +154,7 @@ void Merger::Finalize() {
     KeyframeSource* source;
   };
   OpenKeyframeSource open;
-  if (keyframes_) open = [this] { return std::make_unique<Borrowed>(keyframes_); };
+  if (keyframes() != nullptr) open = [this] { return std::make_unique<Borrowed>(keyframes()); };
   Complete();
   TakeRefinement(RunRefinement(
       MakeRefinement(), [&](const std::string& what) { output_->OnProgress(what); }, open));

@@ -95,6 +95,8 @@ class Merger {
   bool IsFinal() const { return transforms_.is_final; }
 
  private:
+  // Where to read what the cache does not hold; null: everything is held.
+  KeyframeSource* keyframes() const { return search_.cache().source(); }
   // Counts everything that can change the map: the number of a revision that is not refined.
   int64_t Number() const { return 2 * (num_records_ + graph_.num_decisions()); }
   MergedTransforms Places() const;
@@ -103,7 +105,6 @@ class Merger {
 
   const MergerOptions options_;
   MergerOutput* output_;
-  KeyframeSource* keyframes_;
   Sessions sessions_;
   ConnectionSearch search_;
   WideSearch wide_search_;
