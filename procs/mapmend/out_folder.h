@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
 namespace mapmend {
@@ -32,6 +33,22 @@ class FreePort {
 
  private:
   int port_ = 0, claim_ = -1;
+};
+
+// The port of a live page, by the option --port: that one or nothing, 0: no page; without the option a free one from
+// 8080 on.
+class LivePagePort {
+ public:
+  // Throws as FreePort does.
+  explicit LivePagePort(const std::optional<int>& wanted) {
+    constexpr int kFirst = 8080;
+    if (wanted != 0) page_.emplace(wanted.value_or(kFirst), wanted.has_value(), "--port");
+  }
+  // 0: there is no page.
+  int Port() const { return page_ ? page_->Port() : 0; }
+
+ private:
+  std::optional<FreePort> page_;
 };
 
 }  // namespace mapmend

@@ -76,59 +76,73 @@ bool AllFinished(const Backend& backend, const LogReader& log) {
   return true;
 }
 
+// The recording as a person names it.
+std::string NameOf(const std::vector<std::string>& logs) {
+  return logs.front() + (logs.size() > 1 ? " and others" : "");
+}
+
+// Returns the vocabulary's hash. Throws std::runtime_error if the recording was made with another one.
+std::string CheckVocabulary(const ReplayOptions& options, const LogReader& log) {
+  const std::string hash = Vocabulary::Read(options.vocabulary).Hash();
+  if (log.VocabularyHash().empty() || log.VocabularyHash() == hash) return hash;
+  throw std::runtime_error("log " + NameOf(options.logs) + " was recorded with the vocabulary " + log.VocabularyHash() +
+                           ", " + options.vocabulary + " is " + hash + ": give the right one with --vocabulary");
+}
+
+BackendOptions MakeBackendOptions(const ReplayOptions& options, const std::string& vocabulary_hash, int port) {
+  BackendOptions backend;
+  backend.out = options.out;
+  backend.vocabulary = options.vocabulary;
+  backend.vocabulary_hash = vocabulary_hash;
+  backend.groundtruth = options.groundtruth;
+  backend.lcm_url = options.lcm_url;
+  backend.channel_prefix = options.channel_prefix;
+  backend.log_level = options.log_level;
+  backend.seed = options.seed;
+  backend.settings = options.settings;
+  backend.export_arguments = options.exports.Arguments();
+  backend.with_mosaic = options.exports.DrawsLive();
+  backend.port = port;
+  return backend;
+}
+
+// Sends the recording, waits for its map and stops the processes. The figures lack the time.
+LauncherFigures MapLog(const ReplayOptions& options, LogReader* log, Backend* backend, Progress* progress) {
+  SendAll(log, options.speed, backend, progress);
+  ImageDelivery images(backend, "", SessionNames(backend->bus()));  // a recording holds none
+  while (!AllFinished(*backend, *log)) {
+    progress->Show("merging");
+    backend->Tick(50);
+  }
+  LauncherFigures figures;
+  figures.images = images.Finish([&] { backend->Tick(50); }, [&](const std::string& line) { progress->Show(line); });
+  if (log->LastRecords().size() == 1) figures.session = log->LastRecords().begin()->first;
+  figures.shutter = FindShutter(backend->Health("merger"));
+  figures.processes = backend->StopAll();
+  return figures;
+}
+
 int Replay(ReplayOptions options) {
   const auto start = Clock::now();
   InstallSignalHandlers();
   if (options.vocabulary.empty()) options.vocabulary = DefaultVocabulary();
   if (options.vocabulary.empty()) throw std::runtime_error("no vocabulary: give one with --vocabulary");
-  const std::vector<std::string> files = FindLogs(options.logs);
-  LogReader log(files);
-  const std::string name = options.logs.front() + (options.logs.size() > 1 ? " and others" : "");
-  const std::string hash = Vocabulary::Read(options.vocabulary).Hash();
-  if (!log.VocabularyHash().empty() && log.VocabularyHash() != hash) {
-    throw std::runtime_error("log " + name + " was recorded with the vocabulary " + log.VocabularyHash() + ", " +
-                             options.vocabulary + " is " + hash + ": give the right one with --vocabulary");
-  }
-  std::unique_ptr<FreePort> page;  // none with --port 0
-  if (options.port.value_or(1) != 0)
-    page = std::make_unique<FreePort>(options.port.value_or(8080), options.port.has_value(), "--port");
-  const int port = page ? page->Port() : 0;
+  LogReader log(FindLogs(options.logs));
+  const std::string hash = CheckVocabulary(options, log);
+  const LivePagePort page(options.port);
   const OutFolder out_folder(options.out, options.overwrite, false);
 
   Progress progress;
   std::string problem;
   try {
-    BackendOptions backend_options;
-    backend_options.out = options.out;
-    backend_options.vocabulary = options.vocabulary;
-    backend_options.vocabulary_hash = hash;
-    backend_options.groundtruth = options.groundtruth;
-    backend_options.lcm_url = options.lcm_url;
-    backend_options.channel_prefix = options.channel_prefix;
-    backend_options.log_level = options.log_level;
-    backend_options.seed = options.seed;
-    backend_options.settings = options.settings;
-    backend_options.export_arguments = options.exports.Arguments();
-    backend_options.with_mosaic = options.exports.DrawsLive();
-    backend_options.port = port;
-    Backend backend(backend_options);
-    progress.Say("mapping the recording " + name + " into " + options.out + "; bus " + backend.Url() +
-                 (port > 0 ? "; live page http://127.0.0.1:" + std::to_string(port) : ""));
+    Backend backend(MakeBackendOptions(options, hash, page.Port()));
+    progress.Say("mapping the recording " + NameOf(options.logs) + " into " + options.out + "; bus " + backend.Url() +
+                 (page.Port() > 0 ? "; live page http://127.0.0.1:" + std::to_string(page.Port()) : ""));
     if (!log.HasChecksums()) {
       progress.Say("the recording carries no checksums (an older program made it): not all damage would be seen");
     }
     const BusAddressFile bus_address(options.out, backend.Url());
-    SendAll(&log, options.speed, &backend, &progress);
-    ImageDelivery images(&backend, "", SessionNames(backend.bus()));  // a recording holds none
-    while (!AllFinished(backend, log)) {
-      progress.Show("merging");
-      backend.Tick(50);
-    }
-    LauncherFigures figures;
-    figures.images = images.Finish([&] { backend.Tick(50); }, [&](const std::string& line) { progress.Show(line); });
-    if (log.LastRecords().size() == 1) figures.session = log.LastRecords().begin()->first;
-    figures.shutter = FindShutter(backend.Health("merger"));
-    figures.processes = backend.StopAll();
+    LauncherFigures figures = MapLog(options, &log, &backend, &progress);
     figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
     progress.Say(FinishRun(options.out, figures));
     problem = ReadSummary(options.out).value("problem", "");

@@ -61,6 +61,9 @@ std::string SessionOf(const RunOptions& options) {
   return SessionIdFromText(text);
 }
 
+// The folder holds a map that this flight is added to.
+bool KeepsMap(const RunOptions& options) { return options.append || options.continue_flight; }
+
 std::string DescribeInputs(const std::vector<std::string>& inputs) {
   return inputs.front() + (inputs.size() > 1 ? " and " + std::to_string(inputs.size() - 1) + " more" : "");
 }
@@ -227,135 +230,195 @@ void WaitForMap(double num_keyframes, Backend* backend, Progress* progress, Flig
   }
 }
 
+// What the last lines and the exit code say.
+struct FlightResult {
+  std::string complaint;  // what went wrong; empty: nothing
+  std::string problem;    // of the map: it holds too little of the flight
+  int exit_code = 0;
+};
+
+// One flight, from the start of the processes that map it to its summary.
+class MappedFlight {
+ public:
+  // Starts the backend and puts a folder that holds a map in order.
+  //   port       of the live page, 0: none
+  //   recording  file of the recording; empty: none
+  MappedFlight(const RunInputs& inputs, int port, const std::string& recording, Progress* progress)
+      : options_(inputs.options),
+        num_frames_(inputs.num_frames),
+        progress_(progress),
+        part_{SessionOf(options_), "", 0},
+        backend_(MakeBackendOptions(inputs, port)),
+        bus_address_(options_.out, backend_.Url()),
+        events_(EventsPath(options_), "mapmend"),
+        joins_(backend_.bus()->Subscribe<MergedTransforms>(channels::kMergedTransforms, Delivery::kKeepAll,
+                                                           [this](const MergedTransforms& transforms) {
+                                                             for (const TreeChange& change : tree_.Update(transforms))
+                                                               AddEvent(change, transforms.revision, &events_);
+                                                           })),
+        flight_end_(options_, &backend_, progress) {
+    progress_->Say("mapping " + (options_.live ? DescribeCamera(options_) : DescribeInputs(options_.inputs)) +
+                   " into " + options_.out + "; bus " + backend_.Url() + DescribePage(options_.bind, port));
+    if (!recording.empty()) recorder_ = std::make_unique<Recorder>(&backend_, recording, options_.channel_prefix);
+  }
+
+  //   start  of all work, for the time that it took
+  FlightResult Run(Clock::time_point start) {
+    const ExitStatus status = Fly();
+    const bool is_cut_short = status.signal == 0 && status.code == kExitInputCutShort;
+    FlightResult result;
+    if (!status.Success()) result.complaint = ComplaintOf(status);
+    if (!status.Success() && !is_cut_short) {
+      RescueAfterDeath(options_, result.complaint, &backend_);
+      progress_->Say(result.complaint + "; mapping what it has seen");
+    }
+    LauncherFigures figures;
+    figures.images = FinishMap();
+    const std::string export_problem = backend_.ExportProblem();
+    AddFigures(&figures);
+    figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
+    if (export_problem.empty()) result.problem = Summarise(figures);
+    Judge(is_cut_short, export_problem, &result);
+    return result;
+  }
+
+ private:
+  BackendOptions MakeBackendOptions(const RunInputs& inputs, int port) {
+    BackendOptions backend;
+    backend.out = options_.out;
+    backend.vocabulary = options_.vocabulary;
+    backend.vocabulary_hash = inputs.vocabulary_hash;
+    backend.groundtruth = options_.groundtruth;
+    backend.groundtruth_arguments = GroundTruthArguments(options_);
+    backend.lcm_url = options_.lcm_url;
+    backend.channel_prefix = options_.channel_prefix;
+    backend.log_level = options_.log_level;
+    backend.seed = options_.seed;
+    backend.settings = options_.settings;
+    backend.export_arguments = options_.exports.WithEarlier(options_.out).Arguments();
+    backend.with_mosaic = options_.exports.DrawsLive();
+    backend.port = port;
+    backend.bind = options_.bind;
+    backend.tell = [this](const std::string& line) { progress_->Say(line); };
+    backend.when_stored = [this](Backend* started) {
+      if (KeepsMap(options_)) part_ = PrepareFolder(options_, part_.session, started, progress_);
+    };
+    return backend;
+  }
+
+  // Until the frontend has ended for good; its last word is kept.
+  ExitStatus Fly() {
+    Supervisor* supervisor = backend_.supervisor();
+    backend_.StartProcess("frontend", FlightArguments(options_, part_), OnExit::kResume);
+    pid_t pid = supervisor->Pid("frontend");
+    double source_news = 0;  // what a camera's reader wants a person to hear
+    while (!supervisor->Status("frontend")) {
+      const auto* health = backend_.Health("frontend");
+      if (health != nullptr) frontend_ = *health;
+      if (const pid_t now = supervisor->Pid("frontend"); now > 0) pid = now;
+      if (const double news = CounterOr(health, "source_news", 0); news > source_news) {
+        source_news = news;
+        progress_->Say(health->message);
+      }
+      progress_->Show(DescribeFlight(ReadProgress(backend_, num_frames_)));
+      flight_end_.Tick(50);
+      if (recorder_) recorder_->Check();
+    }
+    if (const auto* last = backend_.LastWord("frontend", pid); last != nullptr) frontend_ = *last;
+    return *supervisor->Status("frontend");
+  }
+
+  std::string ComplaintOf(const ExitStatus& status) {
+    const std::string line = backend_.supervisor()->ErrorLine("frontend");
+    return line.empty() || status.signal != 0 ? "frontend ended with " + status.Describe() : line;
+  }
+
+  // Waits until the map is made, the images are there and the recording holds what was said.
+  ImageFigures FinishMap() {
+    ImageDelivery images(&backend_, SpoolPathFor(options_.out + "/outbox"), SessionNames(backend_.bus()));
+    WaitForMap(CounterOr(&frontend_, "keyframes", 0), &backend_, progress_, &flight_end_);
+    const ImageFigures figures =
+        images.Finish([this] { flight_end_.Tick(50); }, [this](const std::string& line) { progress_->Show(line); });
+    // Images that came last.
+    const auto sessions = ListSessions(backend_.bus());
+    while (!AllFinished(backend_, sessions)) flight_end_.Tick(50);
+    if (recorder_) recorder_->Finish();
+    return figures;
+  }
+
+  // Stops the processes, and says what they took.
+  void AddFigures(LauncherFigures* figures) {
+    figures->session = part_.session;
+    figures->title = options_.title;
+    AddFrontendFigures(frontend_, options_, figures);
+    // A frontend that was killed has not written it.
+    if (options_.profile && std::filesystem::exists(ProfilePath(options_)))
+      figures->profile_json = ReadFile(ProfilePath(options_));
+    figures->shutter = FindShutter(backend_.Health("merger"));
+    figures->processes = backend_.StopAll();
+  }
+
+  // Returns what is wrong with the map.
+  std::string Summarise(const LauncherFigures& figures) {
+    progress_->Say(FinishRun(options_.out, figures));
+    if (options_.json) std::fputs(ReadFile(options_.out + "/summary.json").c_str(), stdout);
+    std::fflush(stdout);
+    return ReadSummary(options_.out).value("problem", "");
+  }
+
+  // Sets the exit code and completes the complaint.
+  void Judge(bool is_cut_short, const std::string& export_problem, FlightResult* result) const {
+    if (!result->complaint.empty()) {
+      result->complaint += "; what could be read is mapped";
+      result->exit_code = is_cut_short ? kExitInputCutShort : 1;
+    }
+    if (!result->problem.empty() && result->exit_code != 1) result->exit_code = kExitSmallMap;
+    for (const std::string& loss : {export_problem, recorder_ ? recorder_->Problem() : ""}) {
+      if (loss.empty()) continue;
+      result->complaint += (result->complaint.empty() ? "" : "; ") + loss;
+      result->exit_code = 1;
+    }
+  }
+
+  const RunOptions& options_;
+  const int num_frames_;
+  Progress* progress_;
+  FlightPart part_;
+  Backend backend_;
+  const BusAddressFile bus_address_;
+  EventLog events_;
+  TreeChanges tree_;
+  const Subscription joins_;
+  std::unique_ptr<Recorder> recorder_;
+  FlightEnd flight_end_;
+  HealthMonitor::Entry frontend_;  // its last word
+};
+
 }  // namespace
 
 int RunFlight(const RunInputs& inputs) {
   const RunOptions& options = inputs.options;
   const auto start = Clock::now();
   InstallSignalHandlers();
-  std::unique_ptr<FreePort> page;  // none with --port 0
-  if (options.port.value_or(1) != 0)
-    page = std::make_unique<FreePort>(options.port.value_or(8080), options.port.has_value(), "--port");
-  const int port = page ? page->Port() : 0;
-  const bool keeps_map = options.append || options.continue_flight;
-  const OutFolder out_folder(options.out, options.overwrite, keeps_map);
+  const LivePagePort page(options.port);
+  const OutFolder out_folder(options.out, options.overwrite, KeepsMap(options));
   if (!inputs.guessed_camera.empty()) WriteFile(options.camera, inputs.guessed_camera);
   const std::string recording = options.record.empty() ? "" : CheckRecordFolder(options.record, options.overwrite);
+  std::filesystem::remove(ProfilePath(options));  // of an earlier flight into the same map
 
   Progress progress(options.quiet || options.json);
   for (const std::string& note : inputs.notes) progress.Say(note);
-  std::string complaint, problem;
-  int exit_code = 0;
+  FlightResult result;
   try {
-    BackendOptions backend_options;
-    backend_options.out = options.out;
-    backend_options.vocabulary = options.vocabulary;
-    backend_options.vocabulary_hash = inputs.vocabulary_hash;
-    backend_options.groundtruth = options.groundtruth;
-    backend_options.groundtruth_arguments = GroundTruthArguments(options);
-    backend_options.lcm_url = options.lcm_url;
-    backend_options.channel_prefix = options.channel_prefix;
-    backend_options.log_level = options.log_level;
-    backend_options.seed = options.seed;
-    backend_options.settings = options.settings;
-    backend_options.export_arguments = options.exports.WithEarlier(options.out).Arguments();
-    backend_options.with_mosaic = options.exports.DrawsLive();
-    backend_options.port = port;
-    backend_options.bind = options.bind;
-    std::filesystem::remove(ProfilePath(options));  // of an earlier flight into the same map
-    FlightPart part;
-    part.session = SessionOf(options);
-    backend_options.tell = [&](const std::string& line) { progress.Say(line); };
-    backend_options.when_stored = [&](Backend* started) {
-      if (keeps_map) part = PrepareFolder(options, part.session, started, &progress);
-    };
-    Backend backend(backend_options);
-    progress.Say("mapping " + (options.live ? DescribeCamera(options) : DescribeInputs(options.inputs)) + " into " +
-                 options.out + "; bus " + backend.Url() + DescribePage(options.bind, port));
-    const BusAddressFile bus_address(options.out, backend.Url());
-    EventLog events(EventsPath(options), "mapmend");
-    TreeChanges tree;
-    const Subscription joins = backend.bus()->Subscribe<MergedTransforms>(
-        channels::kMergedTransforms, Delivery::kKeepAll, [&](const MergedTransforms& transforms) {
-          for (const TreeChange& change : tree.Update(transforms)) AddEvent(change, transforms.revision, &events);
-        });
-    std::unique_ptr<Recorder> recorder;
-    if (!recording.empty()) recorder = std::make_unique<Recorder>(&backend, recording, options.channel_prefix);
-
-    backend.StartProcess("frontend", FlightArguments(options, part), OnExit::kResume);
-    HealthMonitor::Entry frontend;  // its last word
-    pid_t frontend_pid = backend.supervisor()->Pid("frontend");
-    FlightEnd flight_end(options, &backend, &progress);
-    double source_news = 0;  // what a camera's reader wants a person to hear
-    while (!backend.supervisor()->Status("frontend")) {
-      const auto* health = backend.Health("frontend");
-      if (health != nullptr) frontend = *health;
-      if (const pid_t pid = backend.supervisor()->Pid("frontend"); pid > 0) frontend_pid = pid;
-      if (const double news = CounterOr(health, "source_news", 0); news > source_news) {
-        source_news = news;
-        progress.Say(health->message);
-      }
-      progress.Show(DescribeFlight(ReadProgress(backend, inputs.num_frames)));
-      flight_end.Tick(50);
-      if (recorder) recorder->Check();
-    }
-    const ExitStatus status = *backend.supervisor()->Status("frontend");
-    if (const auto* last = backend.LastWord("frontend", frontend_pid); last != nullptr) frontend = *last;
-    const bool cut_short = status.signal == 0 && status.code == kExitInputCutShort;
-    if (!status.Success()) {
-      complaint = backend.supervisor()->ErrorLine("frontend");
-      if (complaint.empty() || status.signal != 0) complaint = "frontend ended with " + status.Describe();
-    }
-    if (!status.Success() && !cut_short) {
-      RescueAfterDeath(options, complaint, &backend);
-      progress.Say(complaint + "; mapping what it has seen");
-    }
-    ImageDelivery images(&backend, SpoolPathFor(options.out + "/outbox"), SessionNames(backend.bus()));
-    WaitForMap(CounterOr(&frontend, "keyframes", 0), &backend, &progress, &flight_end);
-    const ImageFigures image_figures =
-        images.Finish([&] { flight_end.Tick(50); }, [&](const std::string& line) { progress.Show(line); });
-    // Images that came last.
-    const auto sessions = ListSessions(backend.bus());
-    while (!AllFinished(backend, sessions)) flight_end.Tick(50);
-    if (recorder) recorder->Finish();
-    const std::string export_problem = backend.ExportProblem();
-    std::string loss = export_problem;
-    if (recorder && !recorder->Problem().empty()) loss += (loss.empty() ? "" : "; ") + recorder->Problem();
-
-    LauncherFigures figures;
-    figures.session = part.session;
-    figures.images = image_figures;
-    figures.title = options.title;
-    AddFrontendFigures(frontend, options, &figures);
-    // A frontend that was killed has not written it.
-    if (options.profile && std::filesystem::exists(ProfilePath(options)))
-      figures.profile_json = ReadFile(ProfilePath(options));
-    figures.shutter = FindShutter(backend.Health("merger"));
-    figures.processes = backend.StopAll();
-    figures.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
-    if (export_problem.empty()) {
-      progress.Say(FinishRun(options.out, figures));
-      if (options.json) std::fputs(ReadFile(options.out + "/summary.json").c_str(), stdout);
-      std::fflush(stdout);
-      problem = ReadSummary(options.out).value("problem", "");
-    }
-    if (!complaint.empty()) {
-      complaint += "; what could be read is mapped";
-      exit_code = cut_short ? kExitInputCutShort : 1;
-    }
-    if (!problem.empty() && exit_code != 1) exit_code = kExitSmallMap;
-    if (!loss.empty()) {
-      complaint += (complaint.empty() ? "" : "; ") + loss;
-      exit_code = 1;
-    }
+    result = MappedFlight(inputs, page.Port(), recording, &progress).Run(start);
   } catch (const Interrupted&) {
     progress.Say("interrupted: " + options.out + "/map.db holds what was mapped so far; `mapmend recover " +
                  options.out + "` makes its map, the same command with --continue goes on with the flight");
     return kExitInterrupted;
   }
-  if (!complaint.empty()) std::fprintf(stderr, "mapmend: %s\n", complaint.c_str());
-  if (!problem.empty()) std::fprintf(stderr, "mapmend: %s\n", problem.c_str());
-  return exit_code;
+  if (!result.complaint.empty()) std::fprintf(stderr, "mapmend: %s\n", result.complaint.c_str());
+  if (!result.problem.empty()) std::fprintf(stderr, "mapmend: %s\n", result.problem.c_str());
+  return result.exit_code;
 }
 
 }  // namespace mapmend
