@@ -10,7 +10,10 @@
 
 namespace mapmend {
 
-void AddFlightOptions(CLI::App* sub, RunOptions* options) {
+namespace {
+
+// What is read: images, their times, the camera, positions, and which part of them.
+void AddInputOptions(CLI::App* sub, RunOptions* options) {
   sub->add_option("INPUT", options->inputs,
                   "video file, folder of images taken in the order of their names, or log of lcm-logger with images on "
                   "--image-channel (or the folder of its parts); several are the parts of one flight, in order; none "
@@ -34,6 +37,9 @@ void AddFlightOptions(CLI::App* sub, RunOptions* options) {
       ->check(CLI::Range(0.0, 1e9));
   sub->add_option("--end", options->end, "leave out what is later, seconds after the first frame")
       ->check(CLI::Range(0.0, 1e9));
+}
+
+void AddTrackingOptions(CLI::App* sub, RunOptions* options) {
   sub->add_option("--features", options->features,
                   "features per frame (default: 1000 up to one megapixel, 2000 above)");
   sub->add_option("--max-dimension", options->max_dimension,
@@ -51,10 +57,13 @@ void AddFlightOptions(CLI::App* sub, RunOptions* options) {
            if (mode == "relocalise-only") options->settings.Set("frontend.relocalise_only=true");
          },
          "after a loss: submaps begins a new one at once; relocalise-only waits until the camera sees the map again, "
-         "as "
-         "ORB-SLAM2 does, for comparison (default: submaps)")
+         "as ORB-SLAM2 does, for comparison (default: submaps)")
       ->check(CLI::IsMember({"submaps", "relocalise-only"}));
   sub->add_option("--seed", options->seed, "of everything random; the same seed gives the same map (default: 1)");
+}
+
+// How images come: all of a file, a file as if it were a camera, a camera.
+void AddPaceOptions(CLI::App* sub, RunOptions* options) {
   const auto lockstep = std::make_shared<bool>(false);
   auto* lockstep_flag = sub->add_flag(
       "--lockstep", [lockstep](int64_t) { *lockstep = true; },
@@ -82,6 +91,9 @@ void AddFlightOptions(CLI::App* sub, RunOptions* options) {
   sub->add_option("--max-waiting", options->max_waiting,
                   "with --realtime or --live: frames that may wait before the oldest is dropped (default: 3)")
       ->check(CLI::Range(1, 1000));
+}
+
+void AddKeptImageOptions(CLI::App* sub, RunOptions* options) {
   sub->add_option("--images", options->images,
                   "of keyframes, kept for the map: full, none, or a width in pixels to which larger ones are scaled "
                   "(default: full for files, 640 of a camera)")
@@ -97,6 +109,15 @@ void AddFlightOptions(CLI::App* sub, RunOptions* options) {
          "--image-rate", options->image_rate,
          "images take at most so much of the link, kbit/s; 0: no limit (default: none on this host, else 4000)")
       ->check(CLI::Range(0, 100000000));
+}
+
+}  // namespace
+
+void AddFlightOptions(CLI::App* sub, RunOptions* options) {
+  AddInputOptions(sub, options);
+  AddTrackingOptions(sub, options);
+  AddPaceOptions(sub, options);
+  AddKeptImageOptions(sub, options);
   sub->add_option("--session", options->session,
                   "id of this flight in the map, a UUID (default: made from input and options; new with --append)");
 }

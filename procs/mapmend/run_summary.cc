@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
+#include <utility>
 
 #include "libs/base/plural.h"
 #include "libs/base/write_file.h"
@@ -74,6 +75,114 @@ std::string DescribeLosses(const Json& summary) {
   return text;
 }
 
+// The table that a run ends with, row by row.
+class SummaryTable {
+ public:
+  explicit SummaryTable(const Json& summary)
+      : summary_(summary), frontend_(summary.value("frontend", Json::object())), frames_(Count(summary, "frames_in")) {}
+
+  std::string Text() {
+    AddFrames();
+    AddMap();
+    AddPlaces();
+    AddTime();
+    AddProfile();
+    return std::move(table_);
+  }
+
+ private:
+  void Add(const char* name, const std::string& text) { table_ += Format("  %-13s", name) + text + "\n"; }
+
+  int NumAccepted(const char* list) const {
+    int accepted = 0;
+    for (const Json& connection : summary_.value(list, Json::array())) {
+      if (connection.value("verdict", "") == "accepted") ++accepted;
+    }
+    return accepted;
+  }
+
+  void AddFrames() {
+    const int in_main = Count(summary_, "frames_in_main"), dropped = Count(frontend_, "frames_dropped");
+    const int flight = frames_ + dropped;
+    Add("frames", Format("%d read, %d tracked, %d in the main map (%.1f %% of the flight)", frames_,
+                         Count(summary_, "frames_tracked"), in_main, flight > 0 ? 100.0 * in_main / flight : 0.0));
+    if (dropped > 0) Add("dropped", Plural(dropped, "frame") + " that came while the frontend was busy");
+    if (const int left_out = Count(frontend_, "frames_left_out"); left_out > 0)
+      Add("left out", Plural(left_out, "frame") + " that could not be used; see logs/frontend.log");
+    if (const int bad = Count(frontend_, "bad_messages"); bad > 0)
+      Add("refused", Plural(bad, "image") + "; see logs/frontend.log");
+    if (const std::string holes = summary_.value("holes_in_words", ""); !holes.empty() && in_main > 0)
+      Add("holes", holes);
+    Add("losses", DescribeLosses(summary_));
+  }
+
+  void AddMap() {
+    const size_t parts = Size(summary_, "components");
+    Add("submaps",
+        Format("%zu in ", Size(summary_, "submaps")) + (parts == 1 ? "one piece" : Format("%zu parts", parts)));
+    Add("connections",
+        Format("%d accepted of %zu evaluated", NumAccepted("connections"), Size(summary_, "connections")));
+    if (const int loops = NumAccepted("loops"); loops > 0) Add("loops", "closed within " + Plural(loops, "submap"));
+    Add("keyframes", Format("%d of %d in the main map, %d points", Count(summary_, "keyframes_in_main"),
+                            Count(summary_, "keyframes_total"), Count(summary_, "points_in_main")));
+    if (const Json images = summary_.value("images", Json::object()); Count(images, "stored") > 0) {
+      const int missing = Count(images, "missing");
+      Add("images", "of " + Plural(Count(images, "stored"), "keyframe") +
+                        (missing > 0 ? Format(", %d are missing", missing) : ""));
+    }
+  }
+
+  // Where the map lies, and how exact it is.
+  void AddPlaces() {
+    if (summary_.contains("mosaic")) Add("ground", DescribeMosaic(summary_["mosaic"]));
+    if (summary_.contains("ate_rmse_m")) {
+      Add("accuracy",
+          Format("%.3f m ATE RMSE against the ground truth (median %.3f, max %.3f)", Number(summary_, "ate_rmse_m"),
+                 Number(summary_, "ate_median_m"), Number(summary_, "ate_max_m")));
+    }
+    if (summary_.contains("groundtruth_problem"))
+      Add("accuracy", "unknown: " + summary_.value("groundtruth_problem", std::string()));
+    if (summary_.contains("world")) Add("on earth", DescribeWorld(summary_["world"]));
+    if (summary_.contains("max_error_of_depth")) {
+      Add("", Format("largest error within a submap: %.2f %% of the distance to the scene",
+                     100 * Number(summary_, "max_error_of_depth")));
+    }
+    if (summary_.contains("readout_ms")) {
+      const bool by_columns = summary_.value("readout_by", "rows") == "columns";
+      Add("shutter", Format("rolling, %.1f ms from the first to the last %s; corrected", Number(summary_, "readout_ms"),
+                            by_columns ? "column" : "row"));
+    }
+  }
+
+  void AddTime() {
+    const double wall = Number(summary_, "wall_s");
+    std::string time = FormatDuration(wall) + Format(" (%.1f frames/s)", wall > 0 ? frames_ / wall : 0.0);
+    if (frontend_.contains("track_ms_median")) {
+      time += Format(", tracking %.1f ms a frame (p95 %.1f)", Number(frontend_, "track_ms_median"),
+                     Number(frontend_, "track_ms_p95"));
+    }
+    Add("time", time);
+    for (const Json& process : summary_.value("processes", Json::array())) {
+      Add(process.value("name", "").c_str(),
+          Format("%7.1f CPU s %7.0f MB", Number(process, "cpu_s"), Number(process, "peak_rss_mb")));
+    }
+  }
+
+  void AddProfile() {
+    if (!frontend_.contains("profile")) return;
+    table_ += Format("  %-20s %8s %11s %9s %9s\n", "stage", "frames", "median ms", "p95 ms", "total s");
+    for (const Json& stage : frontend_["profile"]) {
+      table_ += Format("  %-20s %8d %11.2f %9.2f %9.2f\n", stage.value("stage", "").c_str(), Count(stage, "frames"),
+                       Number(stage, "median_ms"), Number(stage, "p95_ms"), Number(stage, "total_s"));
+    }
+  }
+
+  const Json& summary_;
+  const Json frontend_;
+  const int frames_;
+  std::string table_;
+};
+
 }  // namespace
 
 std::optional<ShutterFigures> FindShutter(const HealthMonitor::Entry* merger) {
@@ -131,77 +240,7 @@ void CompleteSummary(const std::string& out, const LauncherFigures& figures) {
 
 std::string FormatSummaryTable(const std::string& out) {
   const Json summary = ReadSummary(out);
-  const int frames = Count(summary, "frames_in"), tracked = Count(summary, "frames_tracked");
-  const int in_main = Count(summary, "frames_in_main");
-  std::string table;
-  const auto row = [&](const char* name, const std::string& text) { table += Format("  %-13s", name) + text + "\n"; };
-  const Json frontend = summary.value("frontend", Json::object());
-  const int dropped = Count(frontend, "frames_dropped"), bad = Count(frontend, "bad_messages");
-  const int flight = frames + dropped;
-  row("frames", Format("%d read, %d tracked, %d in the main map (%.1f %% of the flight)", frames, tracked, in_main,
-                       flight > 0 ? 100.0 * in_main / flight : 0.0));
-  if (dropped > 0) row("dropped", Plural(dropped, "frame") + " that came while the frontend was busy");
-  if (const int left_out = Count(frontend, "frames_left_out"); left_out > 0)
-    row("left out", Plural(left_out, "frame") + " that could not be used; see logs/frontend.log");
-  if (bad > 0) row("refused", Plural(bad, "image") + "; see logs/frontend.log");
-  if (const std::string holes = summary.value("holes_in_words", ""); !holes.empty() && in_main > 0) row("holes", holes);
-  row("losses", DescribeLosses(summary));
-  const size_t parts = Size(summary, "components");
-  row("submaps", Format("%zu in ", Size(summary, "submaps")) + (parts == 1 ? "one piece" : Format("%zu parts", parts)));
-  const auto num_accepted = [&](const char* list) {
-    int accepted = 0;
-    for (const Json& connection : summary.value(list, Json::array())) {
-      if (connection.value("verdict", "") == "accepted") ++accepted;
-    }
-    return accepted;
-  };
-  row("connections", Format("%d accepted of %zu evaluated", num_accepted("connections"), Size(summary, "connections")));
-  if (const int loops = num_accepted("loops"); loops > 0) {
-    row("loops", "closed within " + Plural(loops, "submap"));
-  }
-  row("keyframes", Format("%d of %d in the main map, %d points", Count(summary, "keyframes_in_main"),
-                          Count(summary, "keyframes_total"), Count(summary, "points_in_main")));
-  if (const Json images = summary.value("images", Json::object()); Count(images, "stored") > 0) {
-    const int missing = Count(images, "missing");
-    row("images",
-        "of " + Plural(Count(images, "stored"), "keyframe") + (missing > 0 ? Format(", %d are missing", missing) : ""));
-  }
-  if (summary.contains("mosaic")) row("ground", DescribeMosaic(summary["mosaic"]));
-  if (summary.contains("ate_rmse_m")) {
-    row("accuracy",
-        Format("%.3f m ATE RMSE against the ground truth (median %.3f, max %.3f)", Number(summary, "ate_rmse_m"),
-               Number(summary, "ate_median_m"), Number(summary, "ate_max_m")));
-  }
-  if (summary.contains("groundtruth_problem"))
-    row("accuracy", "unknown: " + summary.value("groundtruth_problem", std::string()));
-  if (summary.contains("world")) row("on earth", DescribeWorld(summary["world"]));
-  if (summary.contains("max_error_of_depth")) {
-    row("", Format("largest error within a submap: %.2f %% of the distance to the scene",
-                   100 * Number(summary, "max_error_of_depth")));
-  }
-  if (summary.contains("readout_ms")) {
-    row("shutter", Format("rolling, %.1f ms from the first to the last %s; corrected", Number(summary, "readout_ms"),
-                          summary.value("readout_by", "rows") == "columns" ? "column" : "row"));
-  }
-  const double wall = Number(summary, "wall_s");
-  std::string time = FormatDuration(wall) + Format(" (%.1f frames/s)", wall > 0 ? frames / wall : 0.0);
-  if (frontend.contains("track_ms_median")) {
-    time += Format(", tracking %.1f ms a frame (p95 %.1f)", Number(frontend, "track_ms_median"),
-                   Number(frontend, "track_ms_p95"));
-  }
-  row("time", time);
-  for (const Json& process : summary.value("processes", Json::array())) {
-    row(process.value("name", "").c_str(),
-        Format("%7.1f CPU s %7.0f MB", Number(process, "cpu_s"), Number(process, "peak_rss_mb")));
-  }
-  if (frontend.contains("profile")) {
-    table += Format("  %-20s %8s %11s %9s %9s\n", "stage", "frames", "median ms", "p95 ms", "total s");
-    for (const Json& stage : frontend["profile"]) {
-      table += Format("  %-20s %8d %11.2f %9.2f %9.2f\n", stage.value("stage", "").c_str(), Count(stage, "frames"),
-                      Number(stage, "median_ms"), Number(stage, "p95_ms"), Number(stage, "total_s"));
-    }
-  }
-  return table;
+  return SummaryTable(summary).Text();
 }
 
 }  // namespace mapmend
