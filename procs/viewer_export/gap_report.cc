@@ -216,7 +216,7 @@ FlightStyle StyleOf(const Snapshot& snapshot, const std::vector<Ground>& grounds
   for (size_t i = 0; i < components.size(); ++i) {
     for (const SnapshotKeyframe& k : snapshot.components[components[i]].keyframes) {
       const Eigen::Vector3d forward =
-          grounds[i].level_from_world * (k.cam_from_root.rotation.conjugate() * Eigen::Vector3d::UnitZ());
+          grounds[i].level_from_world.rotation * (k.cam_from_root.rotation.conjugate() * Eigen::Vector3d::UnitZ());
       pitches.push_back(std::asin(std::clamp(forward.z(), -1.0, 1.0)) / kDegree);
     }
   }

@@ -41,7 +41,7 @@ struct FlightStyle {
 struct GapReport {
   bool is_placed = false;  // lengths are metres, x east, y north, z up; else the units of the main map, z up
   bool has_ground = false;
-  Eigen::Quaterniond level_from_world = Eigen::Quaterniond::Identity();
+  Rigid3 level_from_world;
   std::vector<int> components;        // that it looks at: the placed ones, or the main map
   std::vector<Footprint> footprints;  // of these
   Coverage coverage;

@@ -1,52 +1,20 @@
 #include "procs/viewer_export/ground.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <utility>
 
 #include "libs/base/median.h"
+#include "procs/viewer_export/level_frame.h"
 
 namespace mapmend {
 namespace {
 
 constexpr double kMaxReach = 5;    // of the height
-constexpr double kMinAbove = 0.9;  // share of cameras above the plane
-constexpr double kFlat = 0.35;     // of the height: what most points lie within
+constexpr double kMinAbove = 0.9;  // share of cameras above the ground
+constexpr double kFlat = 0.35;     // of the height of the cameras: what most points lie within
 constexpr size_t kMinPoints = 10;
-
-struct Plane {
-  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
-  double offset = 0;  // normal . x = offset
-  double Above(const Eigen::Vector3d& x) const { return normal.dot(x) - offset; }
-};
-
-// The plane that most points are near to: reweighted least squares with Cauchy's weights.
-Plane FitPlane(const std::vector<Eigen::Vector3d>& points) {
-  std::vector<double> weights(points.size(), 1);
-  Plane plane;
-  for (int i = 0; i < 20; ++i) {
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    double sum = 0;
-    for (size_t k = 0; k < points.size(); ++k) {
-      mean += weights[k] * points[k];
-      sum += weights[k];
-    }
-    mean /= sum;
-    Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-    for (size_t k = 0; k < points.size(); ++k)
-      scatter += weights[k] * (points[k] - mean) * (points[k] - mean).transpose();
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scatter);
-    plane.normal = solver.eigenvectors().col(0);
-    plane.offset = plane.normal.dot(mean);
-    std::vector<double> distances;
-    for (const Eigen::Vector3d& point : points) distances.push_back(std::abs(plane.Above(point)));
-    const double spread = std::max(1e-9, 2.2 * Median(distances));
-    for (size_t k = 0; k < points.size(); ++k) weights[k] = 1 / (1 + std::pow(distances[k] / spread, 2));
-  }
-  return plane;
-}
 
 // Where the ray of a pixel meets the height z.
 Eigen::Vector3d OnGround(const Pinhole& camera, const Rigid3& world_from_cam, const Eigen::Vector2d& pixel, double z) {
@@ -75,6 +43,18 @@ double GroundHeight(const Snapshot& snapshot, const SnapshotKeyframe& keyframe, 
   return heights.size() < kEnough ? otherwise : Median(std::move(heights));
 }
 
+// Whether points so high are the ground below the cameras, and not the room around them.
+bool IsGround(const SnapshotComponent& component, const Rigid3& level_from_world, double usual,
+              std::vector<double> heights) {
+  std::vector<double> above;
+  for (const SnapshotKeyframe& k : component.keyframes)
+    above.push_back((level_from_world * k.cam_from_root.Center()).z() - usual);
+  const auto num_above = std::count_if(above.begin(), above.end(), [](double a) { return a > 0; });
+  if (static_cast<double>(num_above) < kMinAbove * static_cast<double>(above.size())) return false;
+  for (double& height : heights) height = std::abs(height - usual);
+  return Median(std::move(heights)) <= kFlat * Median(std::move(above));
+}
+
 }  // namespace
 
 double Footprint::Length() const {
@@ -94,33 +74,21 @@ double Footprint::Area() const {
 
 std::optional<Ground> FindGround(const Snapshot& snapshot, int component, bool is_level) {
   const SnapshotComponent& c = snapshot.components[component];
-  std::vector<Eigen::Vector3d> positions;
-  PointMap points;
-  for (const ColoredPoint& point : ComponentPoints(snapshot, component)) {
-    positions.push_back(point.position);
-    points[{point.submap, point.id}] = point.position;
-  }
-  if (positions.size() < kMinPoints || c.keyframes.empty()) return std::nullopt;
+  if (c.keyframes.empty()) return std::nullopt;
   Ground ground;
-  if (!is_level) {
-    Plane plane = FitPlane(positions);
-    std::vector<double> above, off;
-    for (const SnapshotKeyframe& k : c.keyframes) above.push_back(plane.Above(k.cam_from_root.Center()));
-    for (const Eigen::Vector3d& x : positions) off.push_back(std::abs(plane.Above(x)));
-    const double height = Median(above);
-    if (height < 0) plane.normal = -plane.normal;
-    const auto num_above = std::count_if(above.begin(), above.end(), [&](double a) { return a * height > 0; });
-    if (static_cast<double>(num_above) < kMinAbove * static_cast<double>(above.size()) ||
-        Median(off) > kFlat * std::abs(height))
-      return std::nullopt;
-    ground.level_from_world = Eigen::Quaterniond::FromTwoVectors(plane.normal, Eigen::Vector3d::UnitZ());
-    for (auto& [key, position] : points) position = ground.level_from_world * position;
-  }
+  if (!is_level) ground.level_from_world = FindLevelFrame(component, snapshot).level_from_map;
+  PointMap points;
   std::vector<double> all_heights, camera_heights;
-  for (const auto& [key, position] : points) all_heights.push_back(position.z());
-  const double usual = Median(std::move(all_heights));
+  for (const ColoredPoint& point : ComponentPoints(snapshot, component)) {
+    const Eigen::Vector3d position = ground.level_from_world * point.position;
+    points[{point.submap, point.id}] = position;
+    all_heights.push_back(position.z());
+  }
+  if (points.size() < kMinPoints) return std::nullopt;
+  const double usual = Median(all_heights);
+  if (!is_level && !IsGround(c, ground.level_from_world, usual, std::move(all_heights))) return std::nullopt;
   for (const SnapshotKeyframe& k : c.keyframes) {
-    const Rigid3 world_from_cam = Rigid3(ground.level_from_world, Eigen::Vector3d::Zero()) * k.cam_from_root.Inverse();
+    const Rigid3 world_from_cam = ground.level_from_world * k.cam_from_root.Inverse();
     const double z = GroundHeight(snapshot, k, points, usual);
     if (world_from_cam.translation.z() <= z) continue;  // nothing below it
     const SnapshotSubmap& submap = snapshot.submaps[k.submap];

@@ -24,15 +24,15 @@ struct Footprint {
 };
 
 struct Ground {
-  Eigen::Quaterniond level_from_world = Eigen::Quaterniond::Identity();  // turns up to z
-  std::vector<Footprint> footprints;                                     // ascending by time; level frame
-  double height = 0;                                                     // median of cameras above the ground
+  Rigid3 level_from_world;            // z is up there
+  std::vector<Footprint> footprints;  // ascending by time; level frame
+  double height = 0;                  // median of cameras above the ground
 };
 
 // The footprints of a component's keyframes on the height of the points that each sees. Corners beyond the horizon, or
 // further than five times the height, are brought nearer.
-//   is_level  z is up in the component's world; else the plane through most of its points is horizontal
-// nullopt if there is no such plane with the cameras above it (indoors, say).
+//   is_level  z is up in the component's world; else it is put into the frame "level" (level_frame.h)
+// nullopt if the cameras are not above the ground, or most points far from it (indoors, say).
 std::optional<Ground> FindGround(const Snapshot& snapshot, int component, bool is_level);
 
 }  // namespace mapmend
