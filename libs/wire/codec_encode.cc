@@ -10,11 +10,14 @@
 
 #include "libs/bus/bus.h"
 #include "libs/bus/channels.h"
+#include "libs/wire/checked.h"
 #include "libs/wire/codec.h"
 #include "libs/wire/fix_message.h"
 
 namespace mapmend {
 namespace {
+
+using wire::Count;
 
 record_header_t ToMessage(const RecordHeader& header) {
   record_header_t message{};
@@ -22,11 +25,6 @@ record_header_t ToMessage(const RecordHeader& header) {
   message.seq = header.seq;
   message.utime = header.utime;
   return message;
-}
-
-template <typename T>
-int32_t Count(const std::vector<T>& values) {
-  return static_cast<int32_t>(values.size());
 }
 
 session_t ToMessage(const RecordHeader& header, const SessionStarted& body) {

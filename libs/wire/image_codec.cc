@@ -7,12 +7,16 @@
 #include <mapmend/image_status_t.hpp>
 #include <mapmend/keyframe_image_t.hpp>
 
-#include "libs/wire/checked.h"
+#include "libs/wire/addressed.h"
 
 namespace mapmend {
 namespace {
 
+using wire::AboutSession;
+using wire::AddressedAs;
+using wire::Addressing;
 using wire::Count;
+using wire::ReadStatus;
 using wire::Require;
 
 static_assert(static_cast<int>(ImageAnswer::Status::kNone) == image_fetched_t::NONE);
@@ -89,10 +93,7 @@ ImageRequest Read(const image_request_t& m) {
 }
 
 image_fetch_t ToMessage(const ImageFetch& request) {
-  image_fetch_t message{};
-  message.id = request.id;
-  message.requester = request.requester;
-  message.session = request.session;
+  auto message = AboutSession<image_fetch_t>(request);
   message.keyframe = request.keyframe.value;
   return message;
 }
@@ -100,20 +101,15 @@ image_fetch_t ToMessage(const ImageFetch& request) {
 ImageFetch Read(const image_fetch_t& m) { return {{m.id, m.requester}, m.session, KeyframeId(m.keyframe)}; }
 
 image_fetched_t ToMessage(const ImageAnswer& answer) {
-  image_fetched_t message{};
-  message.id = answer.id;
-  message.requester = answer.requester;
+  auto message = Addressing<image_fetched_t>(answer);
   message.status = static_cast<int8_t>(answer.status);
   message.image = ToMessage(ImagePiece{answer.image, static_cast<int>(answer.image.bytes.size()), 0, 0});
   return message;
 }
 
 ImageAnswer Read(const image_fetched_t& m) {
-  ImageAnswer answer;
-  answer.id = m.id;
-  answer.requester = m.requester;
-  Require(m.status == image_fetched_t::OK || m.status == image_fetched_t::NONE, "status is unknown");
-  answer.status = static_cast<ImageAnswer::Status>(m.status);
+  auto answer = AddressedAs<ImageAnswer>(m);
+  answer.status = ReadStatus(m.status, ImageAnswer::Status::kNone);
   answer.image = Read(m.image).image;
   Require(m.image.num_bytes == m.image.size, "image is not whole");
   Require((answer.status == ImageAnswer::Status::kOk) != answer.image.bytes.empty(), "status does not fit the image");
@@ -121,20 +117,13 @@ ImageAnswer Read(const image_fetched_t& m) {
 }
 
 image_status_request_t ToMessage(const ImageStatusRequest& request) {
-  image_status_request_t message{};
-  message.id = request.id;
-  message.requester = request.requester;
-  message.session = request.session;
-  return message;
+  return AboutSession<image_status_request_t>(request);
 }
 
 ImageStatusRequest Read(const image_status_request_t& m) { return {{m.id, m.requester}, m.session}; }
 
 image_status_t ToMessage(const ImageStatus& status) {
-  image_status_t message{};
-  message.id = status.id;
-  message.requester = status.requester;
-  message.session = status.session;
+  auto message = AboutSession<image_status_t>(status);
   message.num_stored = status.num_stored;
   message.num_awaited = status.num_awaited;
   message.num_lost = status.num_lost;
