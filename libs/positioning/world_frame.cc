@@ -15,6 +15,22 @@ using GeographicLib::UTMUPS;
 
 double OrZero(double altitude) { return std::isnan(altitude) ? 0 : altitude; }
 
+// How the grid of a zone differs from the ground at a place.
+struct GridDistortion {
+  double convergence_deg = 0;  // of grid north, clockwise of true north
+  double scale = 1;            // of lengths
+};
+
+GridDistortion DistortionAt(const Geodetic& place, int zone) {
+  int found_zone = 0;
+  bool is_north = true;
+  double easting = 0, northing = 0;
+  GridDistortion distortion;
+  UTMUPS::Forward(place.latitude_deg, place.longitude_deg, found_zone, is_north, easting, northing,
+                  distortion.convergence_deg, distortion.scale, zone);
+  return distortion;
+}
+
 }  // namespace
 
 Geodetic ParseGeodetic(const std::string& text, const std::string& what) {
@@ -83,23 +99,9 @@ Eigen::Vector3d UtmFrame::FromGeodetic(const Geodetic& place) const {
   return {easting, northing, place.altitude_m};
 }
 
-double UtmFrame::ConvergenceDeg(const Geodetic& place) const {
-  int zone = 0;
-  bool is_north = true;
-  double easting = 0, northing = 0, convergence = 0, scale = 0;
-  UTMUPS::Forward(place.latitude_deg, place.longitude_deg, zone, is_north, easting, northing, convergence, scale,
-                  zone_);
-  return convergence;
-}
+double UtmFrame::ConvergenceDeg(const Geodetic& place) const { return DistortionAt(place, zone_).convergence_deg; }
 
-double UtmFrame::Scale(const Geodetic& place) const {
-  int zone = 0;
-  bool is_north = true;
-  double easting = 0, northing = 0, convergence = 0, scale = 1;
-  UTMUPS::Forward(place.latitude_deg, place.longitude_deg, zone, is_north, easting, northing, convergence, scale,
-                  zone_);
-  return scale;
-}
+double UtmFrame::Scale(const Geodetic& place) const { return DistortionAt(place, zone_).scale; }
 
 std::string UtmFrame::Name() const { return "UTM zone " + std::to_string(zone_) + (is_north_ ? " N" : " S"); }
 
