@@ -115,6 +115,24 @@ TEST(LossReason, AJumpIsBelievedOnlyIfEnoughIsFound) {
   }
 }
 
+// A frame that was lost is tracked afterwards, from the one that was found again.
+TEST(Frontend, LostFramesTrackedAfterwardsAreHeldToStricterBounds) {
+  const auto num_found = [](double max_sigma) {
+    FrontendOptions options;
+    options.jump_found_share = 2;
+    options.tracker.max_position_sigma_afterwards = max_sigma;
+    Flight flight(options);
+    flight.FlyAhead();
+    for (int i = 1; i < 4; ++i) flight.Fly(NadirPose(1.32 + 0.01 * i, 0));
+    const int before = flight.frontend.NumTracked();
+    EXPECT_EQ(flight.Fly(NadirPose(1.75, 0)).reason, LossReason::kInconsistentMotion);
+    EXPECT_EQ(flight.Fly(NadirPose(1.36, 0)).reason, LossReason::kNone);
+    return flight.frontend.NumTracked() - before;
+  };
+  EXPECT_EQ(num_found(0.008), 2);
+  EXPECT_EQ(num_found(0), 1);
+}
+
 // Frames between the first two keyframes are tracked afterwards.
 TEST(Frontend, FramesTrackedAfterwardsAreHeldToStricterBounds) {
   const auto num_tracked = [](double min_spread, double max_sigma) {
