@@ -104,7 +104,7 @@ TEST(Hub, PublishersOfTheStreamWaitForAFullSubscriberUntilItIsGivenUp) {
   for (int i = 0; i < 1000 && received.size() < 200 * 100000; ++i) received += live.Receive();
   const auto waited = std::chrono::steady_clock::now() - start;
   EXPECT_GE(waited, std::chrono::milliseconds(300));
-  EXPECT_LT(waited, std::chrono::seconds(5));
+  EXPECT_LT(waited, std::chrono::seconds(30));  // it takes 57 if every message waits
   EXPECT_GT(hub.GetStatistics().num_dropped_reliable, 50);
   // The one that reads got everything.
   for (int i = 0; i < 200; ++i) EXPECT_NE(received.find(std::to_string(1000 + i) + "x"), std::string::npos) << i;
