@@ -29,7 +29,7 @@ using std::chrono::milliseconds;
 
 constexpr int kOtherDescriptors = 32;  // that a process needs besides its clients
 constexpr int kMaxNotGreeted = 64, kMaxNotGreetedPerAddress = 16;
-constexpr size_t kMaxExpressions = 256;  // over all clients
+constexpr size_t kMaxExpressionsOfAll = 256;  // over all clients
 constexpr size_t kMaxRoutes = 1024;
 constexpr int kMaxWrongTokens = 3;
 constexpr milliseconds kHousekeepingInterval(500), kDeadAfter(4000), kPartTimeout(30000), kImpatience(60000),
@@ -96,7 +96,8 @@ struct Hub::Impl {
       routes.clear();
       client->has_acted = true;
       // Strangers cannot use up all expressions.
-      return client->subscriptions.Add(pattern, client->trusted ? kMaxExpressions : kMaxExpressions / 2, &expressions);
+      return client->subscriptions.Add(pattern, client->trusted ? kMaxExpressionsOfAll : kMaxExpressionsOfAll / 2,
+                                       &expressions);
     };
     handlers.unsubscribe = [this](HubClient* client, std::string_view pattern) {
       routes.clear();
