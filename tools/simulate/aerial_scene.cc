@@ -132,21 +132,26 @@ std::vector<float> MakeLight(const AerialLayout& layout, const HeightGrid& grid,
   return light;
 }
 
-void AddHouses(const AerialLayout& layout, const HeightGrid& bare, Scene* scene) {
-  const int first_roof = static_cast<int>(scene->textures.size());
-  constexpr double kRoofScale = 14, kWallScale = 14;  // texels per metre
-  const Color bases[] = {Rgb(168, 168, 172), Rgb(140, 136, 134), Rgb(196, 196, 200),
-                         Rgb(150, 112, 88),  Rgb(132, 92, 78),   Rgb(178, 160, 140)};
-  for (uint64_t k = 0; k < 6; ++k) {
-    Image roof(900, 900);
+constexpr double kRoofScale = 14, kWallScale = 14;  // texels per metre
+constexpr int kNumRoofs = 6, kNumWalls = 5;
+constexpr int kRoofTexels = 900, kWallTexels = 1400;  // along a roof, along a wall
+
+void AddRoofTextures(Scene* scene) {
+  const Color bases[kNumRoofs] = {Rgb(168, 168, 172), Rgb(140, 136, 134), Rgb(196, 196, 200),
+                                  Rgb(150, 112, 88),  Rgb(132, 92, 78),   Rgb(178, 160, 140)};
+  for (uint64_t k = 0; k < kNumRoofs; ++k) {
+    Image roof(kRoofTexels, kRoofTexels);
     for (int y = 0; y < roof.height; ++y) {
       for (int x = 0; x < roof.width; ++x) roof.At(x, y) = Pack(Shingles(x / kRoofScale, y / kRoofScale, bases[k], k));
     }
     scene->textures.push_back(std::make_shared<Texture>(std::move(roof)));
   }
-  const int first_wall = static_cast<int>(scene->textures.size());
-  for (uint64_t k = 0; k < 5; ++k) {
-    Image wall(1400, 100);
+}
+
+// With windows, some of them doors.
+void AddWallTextures(Scene* scene) {
+  for (uint64_t k = 0; k < kNumWalls; ++k) {
+    Image wall(kWallTexels, 100);
     Random random(k + 90);
     const Color base = Rgb(random.Uniform(170, 225), random.Uniform(165, 215), random.Uniform(150, 200));
     for (int y = 0; y < wall.height; ++y) {
@@ -162,28 +167,40 @@ void AddHouses(const AerialLayout& layout, const HeightGrid& bare, Scene* scene)
     }
     scene->textures.push_back(std::make_shared<Texture>(std::move(wall)));
   }
+}
+
+// The lowest ground at the corners of a house.
+double LowestCorner(const House& house, const Eigen::Vector3d& x, const Eigen::Vector3d& y, const HeightGrid& bare) {
+  double low = 1e9;
+  for (const double a : {-0.5, 0.5}) {
+    for (const double b : {-0.5, 0.5}) {
+      const Eigen::Vector3d corner = a * house.size_x * x + b * house.size_y * y;
+      low = std::min(low, bare.Height(house.x + corner.x(), house.y + corner.y()));
+    }
+  }
+  return low;
+}
+
+void AddHouses(const AerialLayout& layout, const HeightGrid& bare, Scene* scene) {
+  const int first_roof = static_cast<int>(scene->textures.size()), first_wall = first_roof + kNumRoofs;
+  AddRoofTextures(scene);
+  AddWallTextures(scene);
   for (const House& house : layout.houses) {
     Random random(house.seed);
     const Eigen::Vector3d x(std::cos(house.yaw), std::sin(house.yaw), 0), y(-x.y(), x.x(), 0),
         up = Eigen::Vector3d::UnitZ();
-    double low = 1e9;  // walls reach below the ground at the lowest corner
-    for (const double a : {-0.5, 0.5}) {
-      for (const double b : {-0.5, 0.5}) {
-        const Eigen::Vector3d corner = a * house.size_x * x + b * house.size_y * y;
-        low = std::min(low, bare.Height(house.x + corner.x(), house.y + corner.y()));
-      }
-    }
+    const double low = LowestCorner(house, x, y, bare);  // walls reach below the ground there
     const double eaves = bare.Height(house.x, house.y) + house.wall, bottom = std::min(low - 0.3, eaves - house.wall);
     const Eigen::Vector3d center(house.x, house.y, 0.5 * (eaves + bottom));
     Solid solid = MakeHouse(center, {house.size_x, house.size_y, eaves - bottom}, house.yaw, house.roof);
-    const int roof = first_roof + random.Int(6), wall = first_wall + random.Int(5);
+    const int roof = first_roof + random.Int(kNumRoofs), wall = first_wall + random.Int(kNumWalls);
     const auto shade = static_cast<float>(random.Uniform(0.85, 1.12));
     for (int f = 0; f < 6; ++f) {
       Face& face = solid.faces[f];
       const double scale = f < 4 ? kWallScale : kRoofScale;
       const Eigen::Vector3d u = f < 2 ? y : x, v = f < 4 ? up : face.normal.cross(x).normalized();
-      const double room_u = (f < 4 ? 1400 : 900) / scale - house.size_x - 12;
-      const double room_v = f < 4 ? 0 : 900 / scale - 2 * house.size_y - 12;
+      const double room_u = (f < 4 ? kWallTexels : kRoofTexels) / scale - house.size_x - 12;
+      const double room_v = f < 4 ? 0 : kRoofTexels / scale - 2 * house.size_y - 12;
       const Eigen::Vector3d base(house.x, house.y, eaves);
       const double at_u = 6 + house.size_x / 2 + random.Uniform() * std::max(0.0, room_u);
       const double at_v = f < 4 ? 3 : 6 + house.size_y + random.Uniform() * std::max(0.0, room_v);

@@ -38,6 +38,53 @@ void SetFloor(Scene* scene, double width, double length, const Color& color, uin
   scene->survey_height = kRoomHeight - 0.05;
 }
 
+// A door, and its frame.
+void PaintDoor(Canvas* canvas, double x, double used, Random* random) {
+  const double height = canvas->Height();
+  const Color wood = RandomPaint(random, 80, 190);
+  const uint64_t grain = random->Next();
+  canvas->Rect(x - 0.06, height - 2.16, used + 0.12, 2.16, Rgb(225, 222, 215));
+  canvas->Fill(x, height - 2.1, used, 2.1,
+               [&](double px, double py, const Color&) { return Wood(py, px, wood, grain); });
+  canvas->Rect(x + 0.83, height - 1.08, 0.06, 0.16, Rgb(200, 200, 205));
+  canvas->Rect(x + 0.79, height - 1.03, 0.1, 0.02, Rgb(60, 60, 62));
+  if (random->Int(2) == 0) canvas->Rect(x + 0.3, height - 1.9, 0.35, 0.6, Rgb(70, 84, 96));
+  canvas->Rect(x + 0.36, height - 1.62, 0.24, 0.1, Rgb(245, 245, 240));
+  canvas->Print(x + 0.36, height - 1.62, 0.24, 0.1, 0.045, Rgb(30, 30, 40), random);
+}
+
+// A board with notes and pictures pinned to it.
+void PaintNoticeBoard(Canvas* canvas, double x, double used, const MaterialLibrary& materials, Random* random) {
+  const double top = random->Uniform(0.8, 1.0), tall = 0.9;
+  canvas->Rect(x, top, used, tall, Rgb(90, 70, 50));
+  const Color cork = RandomPaint(random, 120, 190);
+  const uint64_t grain = random->Next();
+  canvas->Fill(x + 0.03, top + 0.03, used - 0.06, tall - 0.06, [&](double px, double py, const Color&) {
+    return cork * static_cast<float>(1 + 0.12 * Fbm(px / 0.02, py / 0.02, 2, 0.7, grain));
+  });
+  for (int sheets = 2 + random->Int(8); sheets > 0; --sheets) {
+    const double w = random->Uniform(0.12, 0.32), h = w * random->Uniform(0.7, 1.5);
+    const double sx = x + 0.05 + random->Uniform() * std::max(0.0, used - 0.1 - w),
+                 sy = top + 0.05 + random->Uniform() * std::max(0.0, tall - 0.1 - h);
+    if (random->Int(3) == 0) {
+      canvas->Photo(sx, sy, w, h, materials.photos, random);
+    } else {
+      canvas->Rect(sx, sy, w, h, RandomPaint(random, 190, 250));
+      canvas->Print(sx + 0.01, sy + 0.01, w - 0.02, h - 0.02, random->Uniform(0.018, 0.04), RandomPaint(random, 10, 90),
+                    random);
+    }
+  }
+}
+
+// A switch above, a socket below.
+void PaintSocket(Canvas* canvas, double x) {
+  const double height = canvas->Height();
+  canvas->Rect(x, height - 1.35, 0.09, 0.14, Rgb(238, 238, 232));
+  canvas->Rect(x + 0.02, height - 1.31, 0.05, 0.06, Rgb(190, 190, 186));
+  canvas->Rect(x + 0.1, height - 0.38, 0.14, 0.09, Rgb(236, 236, 230));
+  canvas->Rect(x + 0.13, height - 0.36, 0.03, 0.04, Rgb(40, 40, 40));
+}
+
 // A wall as people leave it: paint with traces, skirting, doors, posters, notice boards, sockets.
 void PaintWall(Canvas* canvas, const MaterialLibrary& materials, bool doors, Random* random) {
   const double width = canvas->Width(), height = canvas->Height();
@@ -55,47 +102,17 @@ void PaintWall(Canvas* canvas, const MaterialLibrary& materials, bool doors, Ran
     double used = 0;
     if (doors && kind < 0.25 && room > 1.1) {
       used = 0.95;
-      const Color wood = RandomPaint(random, 80, 190);
-      const uint64_t grain = random->Next();
-      canvas->Rect(x - 0.06, height - 2.16, used + 0.12, 2.16, Rgb(225, 222, 215));
-      canvas->Fill(x, height - 2.1, used, 2.1,
-                   [&](double px, double py, const Color&) { return Wood(py, px, wood, grain); });
-      canvas->Rect(x + 0.83, height - 1.08, 0.06, 0.16, Rgb(200, 200, 205));
-      canvas->Rect(x + 0.79, height - 1.03, 0.1, 0.02, Rgb(60, 60, 62));
-      if (random->Int(2) == 0) canvas->Rect(x + 0.3, height - 1.9, 0.35, 0.6, Rgb(70, 84, 96));
-      canvas->Rect(x + 0.36, height - 1.62, 0.24, 0.1, Rgb(245, 245, 240));
-      canvas->Print(x + 0.36, height - 1.62, 0.24, 0.1, 0.045, Rgb(30, 30, 40), random);
+      PaintDoor(canvas, x, used, random);
     } else if (kind < 0.55) {
       used = std::min(room, random->Uniform(0.4, 1.3));
       const double tall = used * random->Uniform(0.6, 0.9);
       canvas->Photo(x, random->Uniform(0.7, 1.0), used, tall, materials.photos, random);
     } else if (kind < 0.85) {
       used = std::min(room, random->Uniform(0.8, 2.2));
-      const double top = random->Uniform(0.8, 1.0), tall = 0.9;
-      canvas->Rect(x, top, used, tall, Rgb(90, 70, 50));
-      const Color cork = RandomPaint(random, 120, 190);
-      const uint64_t grain = random->Next();
-      canvas->Fill(x + 0.03, top + 0.03, used - 0.06, tall - 0.06, [&](double px, double py, const Color&) {
-        return cork * static_cast<float>(1 + 0.12 * Fbm(px / 0.02, py / 0.02, 2, 0.7, grain));
-      });
-      for (int sheets = 2 + random->Int(8); sheets > 0; --sheets) {
-        const double w = random->Uniform(0.12, 0.32), h = w * random->Uniform(0.7, 1.5);
-        const double sx = x + 0.05 + random->Uniform() * std::max(0.0, used - 0.1 - w),
-                     sy = top + 0.05 + random->Uniform() * std::max(0.0, tall - 0.1 - h);
-        if (random->Int(3) == 0) {
-          canvas->Photo(sx, sy, w, h, materials.photos, random);
-        } else {
-          canvas->Rect(sx, sy, w, h, RandomPaint(random, 190, 250));
-          canvas->Print(sx + 0.01, sy + 0.01, w - 0.02, h - 0.02, random->Uniform(0.018, 0.04),
-                        RandomPaint(random, 10, 90), random);
-        }
-      }
+      PaintNoticeBoard(canvas, x, used, materials, random);
     } else {
       used = 0.3;
-      canvas->Rect(x, height - 1.35, 0.09, 0.14, Rgb(238, 238, 232));
-      canvas->Rect(x + 0.02, height - 1.31, 0.05, 0.06, Rgb(190, 190, 186));
-      canvas->Rect(x + 0.1, height - 0.38, 0.14, 0.09, Rgb(236, 236, 230));
-      canvas->Rect(x + 0.13, height - 0.36, 0.03, 0.04, Rgb(40, 40, 40));
+      PaintSocket(canvas, x);
     }
     x += used + random->Uniform(0.15, 0.9);
   }

@@ -121,6 +121,25 @@ class TileLeaves {
 
 }  // namespace
 
+Eigen::Vector4d Renderer::PlainTile::Between(const Eigen::Vector3d* points, double a, double b) const {
+  const double w[] = {(1 - a) * (1 - b), (1 - a) * b, a * (1 - b), a * b};
+  Eigen::Vector4d value = Eigen::Vector4d::Zero();
+  for (int k = 0; k < 4; ++k)
+    value += w[k] * inverse[k] * Eigen::Vector4d(points[k].x(), points[k].y(), points[k].z(), 1);
+  return value;
+}
+
+bool Renderer::IsEvenGround(const PlainTile& tile, const Eigen::Vector3d* points, bool large) const {
+  if (scene_->IsFlat(points, 2e-4 / tile.inverse[0])) return true;
+  if (large) return false;
+  for (const auto& [a, b] : {std::pair{0.5, 0.5}, {0.5, 0.0}, {0.5, 1.0}, {0.0, 0.5}, {1.0, 0.5}}) {
+    const Eigen::Vector4d p = tile.Between(points, a, b);
+    const Eigen::Vector3d world = p.head<3>() / p[3];
+    if (std::abs(world.z() - scene_->grid.Height(world.x(), world.y())) > 2e-4 / p[3]) return false;
+  }
+  return true;
+}
+
 // hits: upper left, lower left, upper right, lower right.
 bool Renderer::FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_end, const Beam& beam, const Hit* hits) {
   const int surface = hits[0].surface;
@@ -140,26 +159,11 @@ bool Renderer::FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_en
     tile.inverse[k] = 1 / (hits[k].distance * ray.z());
   }
   if (!scene_->IsClear(beam, points, directions, surface)) return false;
-  // World and inverse depth by weights of the four corners.
-  const auto at = [&](double a, double b) {
-    const double w[] = {(1 - a) * (1 - b), (1 - a) * b, a * (1 - b), a * b};
-    Eigen::Vector4d value = Eigen::Vector4d::Zero();
-    for (int k = 0; k < 4; ++k)
-      value += w[k] * tile.inverse[k] * Eigen::Vector4d(points[k].x(), points[k].y(), points[k].z(), 1);
-    return value;
-  };
   const double footprint =
       0.25 * (hits[0].distance + hits[1].distance + hits[2].distance + hits[3].distance) * pixel_angle_;
   double texel_width = 0, cosine = 1;
   if (surface == Hit::kGround) {
-    if (!scene_->IsFlat(points, 2e-4 / tile.inverse[0])) {
-      if (large) return false;
-      for (const auto& [a, b] : {std::pair{0.5, 0.5}, {0.5, 0.0}, {0.5, 1.0}, {0.0, 0.5}, {1.0, 0.5}}) {
-        const Eigen::Vector4d p = at(a, b);
-        const Eigen::Vector3d world = p.head<3>() / p[3];
-        if (std::abs(world.z() - scene_->grid.Height(world.x(), world.y())) > 2e-4 / p[3]) return false;
-      }
-    }
+    if (!IsEvenGround(tile, points, large)) return false;
     const double texels = scene_->ground_texels_per_metre;
     texel_width = footprint * texels;
     cosine = -std::max(directions[0].z(), directions[3].z());
@@ -186,27 +190,67 @@ bool Renderer::FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_en
       PaintPlainTile(tile, static_cast<float>(std::log2(std::max(texel_width, 1e-3)))))
     return true;
   if (large) return false;
-  const Eigen::Vector3d view = (directions[0] + directions[3]).normalized();
+  ShadePlainTile(tile, points, (directions[0] + directions[3]).normalized(), footprint / pixel_angle_);
+  return true;
+}
+
+void Renderer::ShadePlainTile(const PlainTile& tile, const Eigen::Vector3d* points, const Eigen::Vector3d& view,
+                              double distance) {
   std::optional<GroundLook> look;
-  if (surface == Hit::kGround && x_end - x0 == kTile && CanShadeRows(view))
-    look = LookOfGround(view, footprint / pixel_angle_);
-  for (int y = y0; y < y_end; ++y) {
-    const double b = static_cast<double>(y - y0) / (y1 - y0);
-    Eigen::Vector4d p = at(0, b);
-    const Eigen::Vector4d step = (at(1, b) - p) / (x1 - x0);
-    const size_t row = static_cast<size_t>(y) * width;
-    for (int x = x0; x < x_end; ++x, p += step) {
-      const Hit hit{ray_stretch_[row + x] / p[3], surface, 0};
+  if (tile.surface == Hit::kGround && tile.x_end - tile.x0 == kTile && CanShadeRows(view))
+    look = LookOfGround(view, distance);
+  for (int y = tile.y0; y < tile.y_end; ++y) {
+    const double b = static_cast<double>(y - tile.y0) / (tile.y1 - tile.y0);
+    Eigen::Vector4d p = tile.Between(points, 0, b);
+    const Eigen::Vector4d step = (tile.Between(points, 1, b) - p) / (tile.x1 - tile.x0);
+    const size_t row = static_cast<size_t>(y) * camera_.width;
+    for (int x = tile.x0; x < tile.x_end; ++x, p += step) {
+      const Hit hit{ray_stretch_[row + x] / p[3], tile.surface, 0};
       distance_[row + x] = static_cast<float>(hit.distance);
-      surface_[row + x] = surface;
+      surface_[row + x] = tile.surface;
       if (look) continue;
       const Eigen::Vector3d direction = rows_[y].rotation * rays_[row + x].cast<double>();
       light_[row + x] = PackLight(scene_->Shade(rows_[y].center, direction, hit, pixel_angle_, time_));
     }
     constexpr float kLevel[kTile] = {};
-    if (look) RowKernels::Get().shade_ground(*look, WorldOf(y), kLevel, 0xff, PixelsAt(row + x0, kTile, y - y0));
+    if (look)
+      RowKernels::Get().shade_ground(*look, WorldOf(y), kLevel, 0xff, PixelsAt(row + tile.x0, kTile, y - tile.y0));
+  }
+}
+
+bool Renderer::ChooseLevels(const PlainTile& tile, int first, double origin_u, double origin_v, PlainLook* look) {
+  for (int l = 0; l < 2; ++l) {
+    const int level = first + (look->two ? l : 0);
+    const Image& image = tile.texture->Level(level);
+    const double scale = std::ldexp(1.0, -level);
+    const auto shift = [scale](double origin) { return static_cast<float>((origin + 0.5) * scale - 0.5); };
+    look->levels[l] = {image.texels.data(), image.width, static_cast<float>(scale), shift(origin_u), shift(origin_v)};
+    for (int k = 0; k < 4; ++k) {
+      const double x = (tile.u[k] + 0.5) * scale - 0.5, y = (tile.v[k] + 0.5) * scale - 0.5;
+      if (x < 1 || y < 1 || x > image.width - 3 || y > image.height - 3) return false;
+    }
   }
   return true;
+}
+
+// The texels are asked for now, row by row at both ends, and there when they are needed.
+void Renderer::FetchTexels(const PlainTile& tile, const PlainLook& look, int num_levels, double origin_u,
+                           double origin_v) {
+  for (int l = 0; l < num_levels; ++l) {
+    const int rows = tile.y_end - tile.y0;
+    for (int side = 0; side < 4; side += 2) {
+      const auto at = [&](const double* c, double origin) { return static_cast<float>(c[side] - origin); };
+      float u_row = at(tile.u, origin_u) * look.levels[l].scale + look.levels[l].u0,
+            v_row = at(tile.v, origin_v) * look.levels[l].scale + look.levels[l].v0;
+      const float per_row = look.levels[l].scale / static_cast<float>(rows);
+      const float du = static_cast<float>(tile.u[side + 1] - tile.u[side]) * per_row;
+      const float dv = static_cast<float>(tile.v[side + 1] - tile.v[side]) * per_row;
+      for (int row = 0; row <= rows; ++row, u_row += du, v_row += dv) {
+        __builtin_prefetch(look.levels[l].texels + static_cast<int>(v_row) * look.levels[l].width +
+                           static_cast<int>(u_row));
+      }
+    }
+  }
 }
 
 // Texture lookups four pixels at a time: homogeneous texture coordinates are linear in the pixel.
@@ -225,33 +269,8 @@ bool Renderer::PaintPlainTile(const PlainTile& tile, float lod) {
   look.part = static_cast<int16_t>(fraction * 32767.f);
   look.tint = tile.tint;
   look.surface = tile.surface;
-  for (int l = 0; l < 2; ++l) {
-    const int level = first + (two ? l : 0);
-    const Image& image = texture.Level(level);
-    const double scale = std::ldexp(1.0, -level);
-    const auto shift = [scale](double origin) { return static_cast<float>((origin + 0.5) * scale - 0.5); };
-    look.levels[l] = {image.texels.data(), image.width, static_cast<float>(scale), shift(origin_u), shift(origin_v)};
-    for (int k = 0; k < 4; ++k) {
-      const double x = (tile.u[k] + 0.5) * scale - 0.5, y = (tile.v[k] + 0.5) * scale - 0.5;
-      if (x < 1 || y < 1 || x > image.width - 3 || y > image.height - 3) return false;
-    }
-  }
-  // The texels are asked for now, row by row at both ends, and there when they are needed.
-  for (int l = 0; l < (two ? 2 : 1); ++l) {
-    const int rows = tile.y_end - tile.y0;
-    for (int side = 0; side < 4; side += 2) {
-      const auto at = [&](const double* c, double origin) { return static_cast<float>(c[side] - origin); };
-      float u_row = at(tile.u, origin_u) * look.levels[l].scale + look.levels[l].u0,
-            v_row = at(tile.v, origin_v) * look.levels[l].scale + look.levels[l].v0;
-      const float per_row = look.levels[l].scale / static_cast<float>(rows);
-      const float du = static_cast<float>(tile.u[side + 1] - tile.u[side]) * per_row;
-      const float dv = static_cast<float>(tile.v[side + 1] - tile.v[side]) * per_row;
-      for (int row = 0; row <= rows; ++row, u_row += du, v_row += dv) {
-        __builtin_prefetch(look.levels[l].texels + static_cast<int>(v_row) * look.levels[l].width +
-                           static_cast<int>(u_row));
-      }
-    }
-  }
+  if (!ChooseLevels(tile, first, origin_u, origin_v, &look)) return false;
+  FetchTexels(tile, look, two ? 2 : 1, origin_u, origin_v);
   TileLeaves leaves[2];
   const bool grows = tile.foliage > 0 && Grows(texture, first, tile.u, tile.v);
   if (grows) {

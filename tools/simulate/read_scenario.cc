@@ -246,6 +246,40 @@ std::string Resolve(const std::string& file_or_name, const std::string& folder) 
   throw std::runtime_error("scenario " + file_or_name + " is not known; known are " + all + ", or give a file");
 }
 
+void ReadShake(Section s, ShakeOptions* options) {
+  s.Read("attitude_deg", &options->attitude_deg);
+  s.Read("position", &options->position);
+  s.Read("corner_hz", &options->corner_hz);
+  s.Read("vibration_deg", &options->vibration_deg);
+  s.Read("gait_hz", &options->gait_hz);
+  s.Read("gait", &options->gait);
+  s.CheckKnown();
+}
+
+void ReadSensor(Section s, SensorOptions* options) {
+  s.Read("exposure_ms", &options->exposure_ms);
+  s.Read("readout_ms", &options->readout_ms);
+  s.Read("noise", &options->noise);
+  s.Read("vignetting", &options->vignetting);
+  s.Read("exposure_drift", &options->exposure_drift);
+  s.Read("white_balance_drift", &options->white_balance_drift);
+  s.Read("lod_bias", &options->lod_bias);
+  s.Read("motion_blur", &options->motion_blur);
+  s.Read("sharpening", &options->sharpening);
+  s.Read("haze", &options->haze);
+  s.CheckKnown();
+}
+
+void ReadOutput(Section s, OutputOptions* options) {
+  s.Read("images", &options->images);
+  s.Read("crf", &options->crf);
+  s.Read("gps_noise", &options->gps_noise);
+  s.Read("gps_origin_lat", &options->gps_origin_lat);
+  s.Read("gps_origin_lon", &options->gps_origin_lon);
+  s.Read("gps_origin_alt", &options->gps_origin_alt);
+  s.CheckKnown();
+}
+
 void ReadInto(const std::string& path, const std::string& folder, int depth, Scenario* scenario) {
   if (depth > 8) throw std::runtime_error("scenario " + path + ": key base names itself");
   YAML::Node node;
@@ -267,44 +301,10 @@ void ReadInto(const std::string& path, const std::string& folder, int depth, Sce
   ReadCameraSection(root.Sub("camera"), &scenario->camera);
   ReadScene(root.Sub("scene"), &scenario->scene);
   ReadTrajectorySection(root.Sub("trajectory"), &scenario->trajectory);
-  {
-    Section s = root.Sub("shake");
-    ShakeOptions& o = scenario->shake;
-    s.Read("attitude_deg", &o.attitude_deg);
-    s.Read("position", &o.position);
-    s.Read("corner_hz", &o.corner_hz);
-    s.Read("vibration_deg", &o.vibration_deg);
-    s.Read("gait_hz", &o.gait_hz);
-    s.Read("gait", &o.gait);
-    s.CheckKnown();
-  }
-  {
-    Section s = root.Sub("sensor");
-    SensorOptions& o = scenario->sensor;
-    s.Read("exposure_ms", &o.exposure_ms);
-    s.Read("readout_ms", &o.readout_ms);
-    s.Read("noise", &o.noise);
-    s.Read("vignetting", &o.vignetting);
-    s.Read("exposure_drift", &o.exposure_drift);
-    s.Read("white_balance_drift", &o.white_balance_drift);
-    s.Read("lod_bias", &o.lod_bias);
-    s.Read("motion_blur", &o.motion_blur);
-    s.Read("sharpening", &o.sharpening);
-    s.Read("haze", &o.haze);
-    s.CheckKnown();
-  }
+  ReadShake(root.Sub("shake"), &scenario->shake);
+  ReadSensor(root.Sub("sensor"), &scenario->sensor);
   ReadEvents(&root, scenario);
-  {
-    Section s = root.Sub("output");
-    OutputOptions& o = scenario->output;
-    s.Read("images", &o.images);
-    s.Read("crf", &o.crf);
-    s.Read("gps_noise", &o.gps_noise);
-    s.Read("gps_origin_lat", &o.gps_origin_lat);
-    s.Read("gps_origin_lon", &o.gps_origin_lon);
-    s.Read("gps_origin_alt", &o.gps_origin_alt);
-    s.CheckKnown();
-  }
+  ReadOutput(root.Sub("output"), &scenario->output);
   root.CheckKnown();
 }
 

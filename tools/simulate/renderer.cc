@@ -189,17 +189,21 @@ void Renderer::CastPixel(int x, int y, const Beam& beam) {
   light_[i] = PackLight(color);
 }
 
+bool Renderer::FillBetween(const std::array<Corner*, 4>& corners, int x_end, int y_end, const Beam& beam, Hit* hits) {
+  for (size_t c = 0; c < 4; ++c) {
+    Corner& corner = *corners[c];
+    if (!corner.known) corner.hit = scene_->Cast(rows_[corner.y].center, corner.direction, beam), corner.known = true;
+    hits[c] = corner.hit;
+  }
+  return FillPlainTile(corners[0]->x, corners[0]->y, corners[3]->x, corners[3]->y, x_end, y_end, beam, hits);
+}
+
 // A pair of rows of tiles: four tiles at once where they show one even surface, otherwise one by one.
 void Renderer::CastTiles(int pair) {
   const int width = camera_.width, height = camera_.height, tiles = (width + kTile - 1) / kTile;
   const int top = 2 * pair * kTile;
   // Rays at the corners of tiles, three by three, by column and row; the right ones become the next ones' left ones.
-  struct Corner {
-    int x, y;
-    Eigen::Vector3d direction;
-    Hit hit;
-    bool known;
-  } corners[3][3];
+  Corner corners[3][3];
   const auto aim = [&](int column, int x) {
     for (int j = 0; j < 3; ++j) {
       const int y = std::min(top + j * kTile, height - 1);
@@ -213,13 +217,8 @@ void Renderer::CastTiles(int pair) {
     return scene_->ClearBeam(origins, directions, within);
   };
   const auto fill = [&](int i0, int j0, int i1, int j1, int x_end, int y_end, const Beam& beam, Hit* hits) {
-    Corner* around[] = {&corners[i0][j0], &corners[i0][j1], &corners[i1][j0], &corners[i1][j1]};
-    for (int c = 0; c < 4; ++c) {
-      Corner& corner = *around[c];
-      if (!corner.known) corner.hit = scene_->Cast(rows_[corner.y].center, corner.direction, beam), corner.known = true;
-      hits[c] = corner.hit;
-    }
-    return FillPlainTile(around[0]->x, around[0]->y, around[3]->x, around[3]->y, x_end, y_end, beam, hits);
+    return FillBetween({&corners[i0][j0], &corners[i0][j1], &corners[i1][j0], &corners[i1][j1]}, x_end, y_end, beam,
+                       hits);
   };
   constexpr int kGroup = 4;  // what is above so many tiles is found first
   // Between corners farther apart a distorted image or a moving shutter is not straight enough.

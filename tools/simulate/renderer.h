@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <vector>
@@ -86,6 +87,10 @@ class Renderer {
     CanopyView leaves;
     double inverse[4];  // inverse depth: it, and texels times it, are linear in the pixel
     bool near;          // below the size of a texel detail is seen
+
+    // World, times inverse depth, and that, at a place between the corners (0 to 1 across and down).
+    //   points  the corners in the world
+    Eigen::Vector4d Between(const Eigen::Vector3d* points, double a, double b) const;
   };
 
   struct TileState {
@@ -124,6 +129,8 @@ class Renderer {
     bool even[kMost][kMost];      // between it and the next ones there is no edge
     // True if the surface bends so little that these nodes are enough.
     bool Smooth() const;
+    // Of a row of pixels, between nodes.
+    void InverseDepths(int row, float* between) const;
   };
 
   Eigen::Vector3d Direction(int x, int y) const {
@@ -134,7 +141,16 @@ class Renderer {
     return {&plane_x_[i], &plane_y_[i], &ray_stretch_[i],       &distance_[i], &surface_[i],
             &light_[i],   count,        static_cast<float>(row)};
   }
+  // The corner of a tile.
+  struct Corner {
+    int x, y;
+    Eigen::Vector3d direction;
+    Hit hit;
+    bool known;
+  };
   void CastTiles(int pair);
+  // FillPlainTile between corners, whose rays are cast if they are not known. hits: what they show.
+  bool FillBetween(const std::array<Corner*, 4>& corners, int x_end, int y_end, const Beam& beam, Hit* hits);
   // A row of tiles of a scene for which FacetRow serves.
   void DrawFacets(int tile_row);
   void CastPixel(int x, int y, const Beam& beam);
@@ -144,6 +160,16 @@ class Renderer {
   // Fills pixels x0 .. x_end - 1, y0 .. y_end - 1 from the rays of the corners (x0, y0) and (x1, y1) if they show one
   // even surface; false if not.
   bool FillPlainTile(int x0, int y0, int x1, int y1, int x_end, int y_end, const Beam& beam, const Hit* hits);
+  // Whether the ground between the corners is a plane, as far as pixels tell. large: only if that shows at once.
+  bool IsEvenGround(const PlainTile& tile, const Eigen::Vector3d* points, bool large) const;
+  // Pixel by pixel.
+  //   view, distance  of the tile's middle
+  void ShadePlainTile(const PlainTile& tile, const Eigen::Vector3d* points, const Eigen::Vector3d& view,
+                      double distance);
+  // The two levels of detail from `first` on. False if the tile is at the texture's border.
+  static bool ChooseLevels(const PlainTile& tile, int first, double origin_u, double origin_v, PlainLook* look);
+  static void FetchTexels(const PlainTile& tile, const PlainLook& look, int num_levels, double origin_u,
+                          double origin_v);
   // The common case, seen steeply from above: one level of detail for the whole tile. False if it is at the texture's
   // border.
   bool PaintPlainTile(const PlainTile& tile, float lod);

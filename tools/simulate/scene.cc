@@ -12,6 +12,16 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kStep = 1e-7;  // metres: how far past a cell border the next cell is looked up
 
+// Where along the ray one coordinate lies in 0 to size; false if nowhere.
+//   inverse  of the direction
+bool ClipToSlab(double origin, double direction, double inverse, int size, double* begin, double* end) {
+  if (direction == 0) return origin >= 0 && origin < size;
+  const double a = -origin * inverse, b = (size - origin) * inverse;
+  *begin = std::max(*begin, std::min(a, b));
+  *end = std::min(*end, std::max(a, b));
+  return true;
+}
+
 }  // namespace
 
 Eigen::Vector3d HeightGrid::Tangent(double x, double y) const {
@@ -26,8 +36,7 @@ Eigen::Vector3d HeightGrid::Tangent(double x, double y) const {
   return {dx * per_metre, dy * per_metre, lower ? z00 + dx * fx + dy * fy : z11 - dx * (1 - fx) - dy * (1 - fy)};
 }
 
-void Scene::Build() {
-  assert(levels_.empty() && grid.width > 1 && grid.height > 1);
+Scene::Level Scene::HighestOfCells() const {
   Level level{grid.width - 1, grid.height - 1, {}};
   level.max.resize(static_cast<size_t>(level.width) * level.height);
   for (int j = 0; j < level.height; ++j) {
@@ -36,64 +45,66 @@ void Scene::Build() {
           std::max({grid.At(i, j), grid.At(i + 1, j), grid.At(i, j + 1), grid.At(i + 1, j + 1)});
     }
   }
-  level_ = std::all_of(grid.z.begin(), grid.z.end(), [&](float z) { return z == grid.z[0]; });
-  levels_.push_back(std::move(level));
-  const auto halve = [&] {
-    const Level& fine = levels_.back();
-    Level coarse{(fine.width + 1) / 2, (fine.height + 1) / 2, {}};
-    coarse.max.assign(static_cast<size_t>(coarse.width) * coarse.height, -1e9f);
-    for (int j = 0; j < fine.height; ++j) {
-      for (int i = 0; i < fine.width; ++i) {
-        float& max = coarse.max[static_cast<size_t>(j / 2) * coarse.width + i / 2];
-        max = std::max(max, fine.max[static_cast<size_t>(j) * fine.width + i]);
-      }
+  return level;
+}
+
+Scene::Level Scene::Halved(const Level& fine) {
+  Level coarse{(fine.width + 1) / 2, (fine.height + 1) / 2, {}};
+  coarse.max.assign(static_cast<size_t>(coarse.width) * coarse.height, -1e9f);
+  for (int j = 0; j < fine.height; ++j) {
+    for (int i = 0; i < fine.width; ++i) {
+      float& max = coarse.max[static_cast<size_t>(j / 2) * coarse.width + i / 2];
+      max = std::max(max, fine.max[static_cast<size_t>(j) * fine.width + i]);
     }
-    levels_.push_back(std::move(coarse));
+  }
+  return coarse;
+}
+
+void Scene::Raise(const Solid& solid, double block, Level* level, const std::function<void(size_t)>& visit) const {
+  const auto index = [block](double value, double origin, int count) {
+    return std::clamp(static_cast<int>(std::floor((value - origin) / block)), 0, count - 1);
   };
-  while (static_cast<int>(levels_.size()) <= kLeaf) halve();
+  const int last_i = index(solid.high.x(), grid.x0, level->width),
+            last_j = index(solid.high.y(), grid.y0, level->height);
+  for (int j = index(solid.low.y(), grid.y0, level->height); j <= last_j; ++j) {
+    for (int i = index(solid.low.x(), grid.x0, level->width); i <= last_i; ++i) {
+      const size_t at = static_cast<size_t>(j) * level->width + i;
+      level->max[at] = std::max(level->max[at], static_cast<float>(solid.high.z()) + 1e-3f);
+      if (visit) visit(at);
+    }
+  }
+}
+
+void Scene::AddPlanes(const Solid& solid) {
+  assert(solid.faces.size() <= 8);
+  num_planes_.push_back(static_cast<int>(solid.faces.size()));
+  for (int f = 0; f < 8; ++f) {
+    const bool used = f < static_cast<int>(solid.faces.size());
+    const Face face = used ? solid.faces[f] : Face{};
+    planes_.push_back({face.normal.x(), face.normal.y(), face.normal.z(), face.offset});
+  }
+}
+
+void Scene::Build() {
+  assert(levels_.empty() && grid.width > 1 && grid.height > 1);
+  level_ = std::all_of(grid.z.begin(), grid.z.end(), [&](float z) { return z == grid.z[0]; });
+  levels_.push_back(HighestOfCells());
+  while (static_cast<int>(levels_.size()) <= kLeaf) levels_.push_back(Halved(levels_.back()));
 
   obstacles_ = levels_[0];
   Level& leaf = levels_[kLeaf];
   std::vector<std::vector<int>> lists(leaf.max.size());
-  const double block = grid.spacing * (1 << kLeaf);
   for (int s = 0; s < static_cast<int>(solids.size()); ++s) {
-    const Solid& solid = solids[s];
-    const auto index = [&](double value, double origin, int count) {
-      return std::clamp(static_cast<int>(std::floor((value - origin) / block)), 0, count - 1);
-    };
-    for (int j = index(solid.low.y(), grid.y0, leaf.height); j <= index(solid.high.y(), grid.y0, leaf.height); ++j) {
-      for (int i = index(solid.low.x(), grid.x0, leaf.width); i <= index(solid.high.x(), grid.x0, leaf.width); ++i) {
-        const size_t cell = static_cast<size_t>(j) * leaf.width + i;
-        lists[cell].push_back(s);
-        leaf.max[cell] = std::max(leaf.max[cell], static_cast<float>(solid.high.z()) + 1e-3f);
-      }
-    }
-    const double cell = grid.spacing;
-    const auto cell_index = [&](double value, double origin, int count) {
-      return std::clamp(static_cast<int>(std::floor((value - origin) / cell)), 0, count - 1);
-    };
-    for (int j = cell_index(solid.low.y(), grid.y0, obstacles_.height);
-         j <= cell_index(solid.high.y(), grid.y0, obstacles_.height); ++j) {
-      for (int i = cell_index(solid.low.x(), grid.x0, obstacles_.width);
-           i <= cell_index(solid.high.x(), grid.x0, obstacles_.width); ++i) {
-        float& max = obstacles_.max[static_cast<size_t>(j) * obstacles_.width + i];
-        max = std::max(max, static_cast<float>(solid.high.z()) + 1e-3f);
-      }
-    }
-    assert(solid.faces.size() <= 8);
-    num_planes_.push_back(static_cast<int>(solid.faces.size()));
-    for (int f = 0; f < 8; ++f) {
-      const bool used = f < static_cast<int>(solid.faces.size());
-      const Face face = used ? solid.faces[f] : Face{};
-      planes_.push_back({face.normal.x(), face.normal.y(), face.normal.z(), face.offset});
-    }
+    Raise(solids[s], grid.spacing * (1 << kLeaf), &leaf, [&](size_t block) { lists[block].push_back(s); });
+    Raise(solids[s], grid.spacing, &obstacles_, nullptr);
+    AddPlanes(solids[s]);
   }
   list_begin_.push_back(0);
   for (const auto& list : lists) {
     lists_.insert(lists_.end(), list.begin(), list.end());
     list_begin_.push_back(static_cast<uint32_t>(lists_.size()));
   }
-  while (levels_.back().width > 1 || levels_.back().height > 1) halve();
+  while (levels_.back().width > 1 || levels_.back().height > 1) levels_.push_back(Halved(levels_.back()));
 }
 
 void Scene::CastSolid(int solid, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, Hit* best) const {
@@ -201,36 +212,21 @@ Hit Scene::Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction,
   const double dx = direction.x() * per_metre, dy = direction.y() * per_metre;
   const double oz = origin.z(), dz = direction.z();
   const GridRay ray{ox, oy, oz, dx, dy, dz};
-  Hit best;
-  best.distance = kInfinity;
+  Hit nothing, best;
+  best.distance = nothing.distance = kInfinity;
   if (beam.height < 1e29) {
     if (CastDown(ray, origin, direction, beam, &best)) return best;
-    best = Hit{};
-    best.distance = kInfinity;
+    best = nothing;
   }
   const double ix = dx != 0 ? 1 / dx : kInfinity, iy = dy != 0 ? 1 / dy : kInfinity, iz = dz != 0 ? 1 / dz : 0;
   const int cells_x = levels_[0].width, cells_y = levels_[0].height;
   double t = 0, t_end = kInfinity;
-  if (dx != 0) {
-    const double a = -ox * ix, b = (cells_x - ox) * ix;
-    t = std::max(t, std::min(a, b));
-    t_end = std::min(t_end, std::max(a, b));
-  } else if (ox < 0 || ox >= cells_x) {
-    return best;
-  }
-  if (dy != 0) {
-    const double a = -oy * iy, b = (cells_y - oy) * iy;
-    t = std::max(t, std::min(a, b));
-    t_end = std::min(t_end, std::max(a, b));
-  } else if (oy < 0 || oy >= cells_y) {
-    return best;
-  }
+  if (!ClipToSlab(ox, dx, ix, cells_x, &t, &t_end) || !ClipToSlab(oy, dy, iy, cells_y, &t, &t_end)) return best;
   const double top_z = std::min<double>(levels_.back().max[0], beam.height);
   if (dz < 0)
     t = std::max(t, (top_z - oz) * iz);
   else if (oz > top_z)
     return best;
-
   const int top = static_cast<int>(levels_.size()) - 1;
   int level = std::min(top, beam.solids ? kLeaf + (beam.height < 1e29 ? 0 : 2) : 1);
   while (t < t_end && t < best.distance) {

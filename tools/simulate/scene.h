@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -155,6 +156,14 @@ class Scene {
   // The blocks of 2^level cells that the rays pass between the heights low and high.
   Cells CellsBetween(double low, double high, const Fan& fan, int level) const;
   static float Greatest(const Level& level, const Cells& cells);
+  // Of the ground, cell by cell.
+  Level HighestOfCells() const;
+  // Half as many blocks each way.
+  static Level Halved(const Level& fine);
+  // The level, of blocks so wide (metres), is at least as high as the solid where that stands; visit, unless null, gets
+  // the index of each block there.
+  void Raise(const Solid& solid, double block, Level* level, const std::function<void(size_t)>& visit) const;
+  void AddPlanes(const Solid& solid);
 
   // A ray in cells of the grid, so that cell borders are integers; heights in metres.
   struct GridRay {

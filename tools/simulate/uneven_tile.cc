@@ -25,24 +25,11 @@ void Renderer::CastTile(int x0, int y0, int x1, int y1, const Beam& beam, const 
   if (!open || !(CastNodes(x0, y0, 4, beam, hits, &nodes), nodes.Smooth())) CastNodes(x0, y0, 2, beam, hits, &nodes);
   Pending pending;
   const int shift = nodes.step == 4 ? 2 : 1, last = nodes.step - 1;
-  const Float8 across = nodes.step == 4 ? Float8{0, 0.25f, 0.5f, 0.75f, 0, 0.25f, 0.5f, 0.75f}
-                                        : Float8{0, 0.5f, 0, 0.5f, 0, 0.5f, 0, 0.5f};
   for (int j = 0; j < kTile; ++j) {
     // Inverse depths between nodes, and which pixels lie between nodes without a jump.
     const int b = j >> shift;
-    const auto line = [&](const float* w, Float8* at) {
-      const Float8 left = shift == 2 ? Float8{w[0], w[0], w[0], w[0], w[1], w[1], w[1], w[1]}
-                                     : Float8{w[0], w[0], w[1], w[1], w[2], w[2], w[3], w[3]};
-      const Float8 right = shift == 2 ? Float8{w[1], w[1], w[1], w[1], w[2], w[2], w[2], w[2]}
-                                      : Float8{w[1], w[1], w[2], w[2], w[3], w[3], w[4], w[4]};
-      *at = left + (right - left) * across;
-    };
-    Float8 above, below;
-    line(nodes.inverse[b], &above);
-    line(nodes.inverse[b + 1], &below);
-    const Float8 depths = above + (below - above) * (static_cast<float>(j & last) / static_cast<float>(nodes.step));
     float between[kTile];
-    std::memcpy(between, &depths, sizeof between);
+    nodes.InverseDepths(j, between);
     unsigned even = 0, ground = 0;
     for (int a = 0; a < kTile >> shift; ++a) {
       if (!nodes.even[b][a]) continue;
@@ -139,6 +126,24 @@ void Renderer::CastNodes(int x0, int y0, int step, const Beam& beam, const Hit* 
       nodes->even[j][i] = even && std::abs(w[j][i] + w[j + 1][i + 1] - w[j][i + 1] - w[j + 1][i]) < 3e-3f * w[j][i];
     }
   }
+}
+
+void Renderer::TileNodes::InverseDepths(int row, float* between) const {
+  const int shift = step == 4 ? 2 : 1, b = row >> shift;
+  const Float8 across =
+      step == 4 ? Float8{0, 0.25f, 0.5f, 0.75f, 0, 0.25f, 0.5f, 0.75f} : Float8{0, 0.5f, 0, 0.5f, 0, 0.5f, 0, 0.5f};
+  const auto line = [&](const float* w, Float8* at) {
+    const Float8 left = shift == 2 ? Float8{w[0], w[0], w[0], w[0], w[1], w[1], w[1], w[1]}
+                                   : Float8{w[0], w[0], w[1], w[1], w[2], w[2], w[3], w[3]};
+    const Float8 right = shift == 2 ? Float8{w[1], w[1], w[1], w[1], w[2], w[2], w[2], w[2]}
+                                    : Float8{w[1], w[1], w[2], w[2], w[3], w[3], w[4], w[4]};
+    *at = left + (right - left) * across;
+  };
+  Float8 above, below;
+  line(inverse[b], &above);
+  line(inverse[b + 1], &below);
+  const Float8 depths = above + (below - above) * (static_cast<float>(row & (step - 1)) / static_cast<float>(step));
+  std::memcpy(between, &depths, sizeof depths);
 }
 
 bool Renderer::TileNodes::Smooth() const {
