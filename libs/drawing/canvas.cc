@@ -4,12 +4,13 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 namespace mapmend {
 
 std::string CategoryColor(int index) {
-  static constexpr std::array<const char*, 10> kChosen = {"#2f6fde", "#e8710a", "#2a9d4b", "#b5379f", "#12a5b8",
-                                                          "#8a5a2b", "#7a52d1", "#c9a100", "#4c6680", "#5b8c00"};
+  static constexpr std::array<const char*, 9> kChosen = {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9",
+                                                         "#e69f00", "#4b3a8c", "#7d2a1a", "#5f6b76"};
   index = std::max(index, 0);
   if (index < static_cast<int>(kChosen.size())) return kChosen[index];
   // Hues a golden angle apart never repeat; three lightnesses keep neighbours in hue apart. HSL to RGB with saturation
@@ -31,6 +32,17 @@ std::string CategoryColor(int index) {
   };
   std::snprintf(text, sizeof(text), "#%02x%02x%02x", byte(rgb[0]), byte(rgb[1]), byte(rgb[2]));
   return text;
+}
+
+std::string InkOn(const std::string& color) {
+  // Relative luminance and contrast as WCAG 2.1 has them.
+  double luminance = 0;
+  for (const auto& [at, share] : {std::pair{1, 0.2126}, {3, 0.7152}, {5, 0.0722}}) {
+    const double value = static_cast<double>(std::stoul(color.substr(static_cast<size_t>(at), 2), nullptr, 16)) / 255;
+    luminance += share * (value <= 0.03928 ? value / 12.92 : std::pow((value + 0.055) / 1.055, 2.4));
+  }
+  const double with_white = 1.05 / (luminance + 0.05), with_black = (luminance + 0.05) / 0.05;
+  return with_white >= with_black ? "#ffffff" : "#000000";
 }
 
 double EstimateTextWidth(const std::string& text, double font_size) {

@@ -40,8 +40,11 @@ class Canvas {
 // No outline.
 inline Canvas::Stroke NoStroke() { return {"", 0, false}; }
 
-// A colour that tells number index from its neighbours: ten chosen by hand, then hues around the circle.
+// A colour that tells number index from its neighbours: nine that people who do not see red, green or blue can tell
+// apart (after M. Okabe, K. Ito, "Color Universal Design", 2008), then hues around the circle.
 std::string CategoryColor(int index);
+// Black or white, whichever can be read better on a colour, "#rrggbb".
+std::string InkOn(const std::string& color);
 
 // Width of a text in the canvas's sans-serif font, pixels, good to some 10 %.
 double EstimateTextWidth(const std::string& text, double font_size);

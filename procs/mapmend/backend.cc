@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "libs/bus/access_token.h"
 #include "libs/bus/process.h"
 #include "procs/mapmend/bus_plan.h"
 #include "procs/mapmend/paths.h"
@@ -88,8 +89,15 @@ void Backend::StartMergerAndViewer() {
   // Before the viewer, which reads what it writes, so that it is stopped after it.
   if (options_.with_mosaic)
     StartProcess("mosaic", {FindProgram("mosaic"), "--out", options_.out + "/mosaic.mbtiles"}, OnExit::kRestart, true);
-  std::vector<std::string> viewer = {FindProgram("viewer_export"), "--out", options_.out, "--port",
-                                     std::to_string(options_.port)};
+  std::vector<std::string> viewer = {FindProgram("viewer_export"), "--port", std::to_string(options_.port)};
+  if (!options_.page_is_stored) viewer.insert(viewer.end(), {"--out", options_.out});
+  if (options_.page_is_stored) viewer.emplace_back("--stored");
+  if (!options_.page_files.empty()) viewer.insert(viewer.end(), {"--files", options_.page_files});
+  if (options_.port > 0 && !options_.page_is_stored) {
+    bool is_new = false;
+    page_token_ = ReadOrMakeToken(options_.out + "/page.token", &is_new);
+    viewer.insert(viewer.end(), {"--token-file", options_.out + "/page.token"});
+  }
   if (!options_.bind.empty()) viewer.insert(viewer.end(), {"--bind", options_.bind});
   viewer.insert(viewer.end(), options_.export_arguments.begin(), options_.export_arguments.end());
   if (!options_.groundtruth.empty()) {

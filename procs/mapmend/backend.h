@@ -39,8 +39,10 @@ struct BackendOptions {
   std::string channel_prefix;
   std::string log_level = "info";
   std::optional<int> seed;
-  int port = 0;      // of the live page, 0: none
-  std::string bind;  // its address; empty: this host only
+  int port = 0;                 // of the live page, 0: none
+  std::string bind;             // its address; empty: this host only
+  std::string page_files;       // folder that the page shows; empty: OUT
+  bool page_is_stored = false;  // it shows a finished map: no exports are written
   bool with_store = true, with_merger = true, with_viewer = true;
   bool with_mosaic = false;    // OUT/mosaic.mbtiles is drawn while the map grows
   std::string hub_bind;        // address that a hub of our own listens on; empty: as lcm_url says
@@ -79,6 +81,8 @@ class Backend {
   void Tell(const std::string& line) const;
 
   const std::string& Url() const { return url_; }
+  // What one who switches connections on the live page must know; empty: nobody can. It is in OUT/page.token as well.
+  const std::string& PageToken() const { return page_token_; }
   const std::string& ChannelPrefix() const { return options_.channel_prefix; }
   Bus* bus() { return bus_.get(); }
   Supervisor* supervisor() { return &supervisor_; }
@@ -101,7 +105,7 @@ class Backend {
 
   BackendOptions options_;
   std::unique_ptr<StderrRedirection> redirection_;  // for what is logged under way
-  std::string url_;
+  std::string url_, page_token_;
   Supervisor supervisor_;
   std::unique_ptr<Bus> bus_;
   std::unique_ptr<HealthMonitor> monitor_;

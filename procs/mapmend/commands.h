@@ -27,6 +27,7 @@ void AddReplayCommand(CLI::App* app);
 void AddRecoverCommand(CLI::App* app);
 void AddStatusCommand(CLI::App* app);
 void AddCloseCommand(CLI::App* app);
+void AddViewCommand(CLI::App* app);
 void AddSpyCommand(CLI::App* app);
 // The Java class path of lcm-spy. Throws std::runtime_error that says what is missing for it.
 std::string SpyClassPath();

@@ -26,6 +26,7 @@ int main(int argc, char** argv) {
   mapmend::AddPublishCommand(&app);
   mapmend::AddStatusCommand(&app);
   mapmend::AddCloseCommand(&app);
+  mapmend::AddViewCommand(&app);
   mapmend::AddExportCommand(&app);
   mapmend::AddMosaicCommand(&app);
   mapmend::AddMergeCommand(&app);

@@ -76,8 +76,12 @@ MapFile::MapFile(const MapFileOptions& options) : options_(options) {
   backend.seed = options_.seed;
   backend.settings = options_.settings;
   backend.with_merger = options_.with_merger;
-  backend.with_viewer = !options_.out.empty();
+  backend.with_viewer = !options_.out.empty() || options_.page_port > 0;
   backend.with_mosaic = options_.with_merger && !options_.out.empty() && options_.exports.DrawsLive();
+  backend.port = options_.page_port;
+  backend.bind = options_.page_bind;
+  backend.page_is_stored = options_.page_port > 0;
+  backend.page_files = options_.page_port > 0 ? options_.place.folder : "";
   if (options_.out.empty()) {
     temporary_ = MakeTemporaryFolder();
     backend.out = temporary_;

@@ -29,6 +29,8 @@ struct MapFileOptions {
   std::optional<int> seed;
   std::string log_level = "info";
   bool with_merger = false;  // the map is merged anew
+  int page_port = 0;         // of the live page on the stored map, 0: none; not with a merger
+  std::string page_bind;     // its address; empty: this host only
   ProcessSettings settings;  // resolved
 };
 

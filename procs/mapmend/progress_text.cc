@@ -10,10 +10,6 @@
 namespace mapmend {
 namespace {
 
-// After a flight all submaps are compared again and the whole map is refined: 20 to 50 ms of CPU a keyframe on a
-// 2.6 GHz core, measured on flights of 40 to 160 keyframes.
-constexpr double kSecondsPerKeyframe = 0.03;
-
 std::string OneDecimal(double value) {
   char text[32];
   std::snprintf(text, sizeof(text), "%.1f", value);
@@ -39,11 +35,6 @@ std::string DescribeFlight(const FlightProgress& p) {
   if (p.refused > 0) text += ", " + std::to_string(p.refused) + " refused";
   if (p.frames > 0) text += ", " + OneDecimal(p.fps) + " frames/s";
   return text;
-}
-
-double EstimateMergingSeconds(double num_keyframes, double done_share) {
-  if (done_share < 0.05) return 0;  // too early to tell
-  return kSecondsPerKeyframe * num_keyframes / std::min(1.0, done_share);
 }
 
 std::string DescribeMerging(int connections, int in_use, int parts, double estimate_s, double elapsed_s) {

@@ -23,11 +23,6 @@ struct FlightProgress {
 // matters most comes first, because the end is cut off on a narrow terminal.
 std::string DescribeFlight(const FlightProgress& progress);
 
-// Seconds of work that will be left for the merger when the last frame has been tracked.
-//   num_keyframes  so far
-//   done_share     of the flight, 0 to 1; 0: unknown
-double EstimateMergingSeconds(double num_keyframes, double done_share);
-
 // "merging, about 0:12 left: 3 connections, 2 in use, 2 parts"
 //   estimate_s  when it began; elapsed_s since then
 std::string DescribeMerging(int connections, int in_use, int parts, double estimate_s, double elapsed_s);

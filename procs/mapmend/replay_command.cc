@@ -15,6 +15,7 @@
 #include "procs/mapmend/image_delivery.h"
 #include "procs/mapmend/log_reader.h"
 #include "procs/mapmend/out_folder.h"
+#include "procs/mapmend/page_access.h"
 #include "procs/mapmend/paths.h"
 #include "procs/mapmend/progress.h"
 #include "procs/mapmend/record_sender.h"
@@ -137,7 +138,7 @@ int Replay(ReplayOptions options) {
   try {
     Backend backend(MakeBackendOptions(options, hash, page.Port()));
     progress.Say("mapping the recording " + NameOf(options.logs) + " into " + options.out + "; bus " + backend.Url() +
-                 (page.Port() > 0 ? "; live page http://127.0.0.1:" + std::to_string(page.Port()) : ""));
+                 DescribePage("", page.Port()) + DescribePageToken(backend));
     if (!log.HasChecksums()) {
       progress.Say("the recording carries no checksums (an older program made it): not all damage would be seen");
     }

@@ -16,6 +16,7 @@
 #include "libs/bus/channels.h"
 #include "libs/bus/process.h"
 #include "libs/capture/fingerprint.h"
+#include "libs/merging/merging_time.h"
 #include "libs/stream/session_id.h"
 #include "libs/stream/tree_changes.h"
 #include "libs/wire/revision_codec.h"
@@ -24,8 +25,8 @@
 #include "procs/mapmend/finish_run.h"
 #include "procs/mapmend/frontend_arguments.h"
 #include "procs/mapmend/image_delivery.h"
-#include "procs/mapmend/lan_addresses.h"
 #include "procs/mapmend/out_folder.h"
+#include "procs/mapmend/page_access.h"
 #include "procs/mapmend/paths.h"
 #include "procs/mapmend/progress.h"
 #include "procs/mapmend/progress_text.h"
@@ -82,22 +83,6 @@ std::vector<std::string> GroundTruthArguments(const RunOptions& options) {
   if (!options.groundtruth_origin.empty())
     argv.insert(argv.end(), {"--groundtruth-origin", options.groundtruth_origin});
   return argv;
-}
-
-// "; live page http://..." under every address at which it is seen.
-std::string DescribePage(const std::string& bind, int port) {
-  if (port == 0) return "";
-  std::vector<std::string> hosts = {"127.0.0.1"};
-  if (bind == "0.0.0.0") {
-    const std::vector<std::string> addresses = LanAddresses();
-    hosts.insert(hosts.end(), addresses.begin(), addresses.end());
-  } else if (!bind.empty()) {
-    hosts = {bind};
-  }
-  std::string text;
-  for (const std::string& host : hosts)
-    text += (text.empty() ? "; live page http://" : ", http://") + host + ":" + std::to_string(port);
-  return text;
 }
 
 void AddEvent(const TreeChange& change, int64_t revision, EventLog* events) {
@@ -258,7 +243,8 @@ class MappedFlight {
                                                            })),
         flight_end_(options_, &backend_, progress) {
     progress_->Say("mapping " + (options_.live ? DescribeCamera(options_) : DescribeInputs(options_.inputs)) +
-                   " into " + options_.out + "; bus " + backend_.Url() + DescribePage(options_.bind, port));
+                   " into " + options_.out + "; bus " + backend_.Url() + DescribePage(options_.bind, port) +
+                   DescribePageToken(backend_));
     if (!recording.empty()) recorder_ = std::make_unique<Recorder>(&backend_, recording, options_.channel_prefix);
   }
 

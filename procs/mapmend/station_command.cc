@@ -19,6 +19,7 @@
 #include "procs/mapmend/finish_run.h"
 #include "procs/mapmend/lan_addresses.h"
 #include "procs/mapmend/out_folder.h"
+#include "procs/mapmend/page_access.h"
 #include "procs/mapmend/paths.h"
 #include "procs/mapmend/progress.h"
 #include "procs/mapmend/run_flight.h"
@@ -139,8 +140,8 @@ class Station {
       backend_options.when_stored = [&](Backend* started) { flights.emplace(started->bus(), &progress_); };
       Backend backend(backend_options);
       WriteFile(options_.out + "/logs/lcm-url", backend.Url() + "\n");
-      progress_.Say("station: maps into " + options_.out + "; live page http://127.0.0.1:" +
-                    std::to_string(page.Port()) + "; on board: " + DescribeFly(options_));
+      progress_.Say("station: maps into " + options_.out + DescribePage("", page.Port()) + DescribePageToken(backend) +
+                    "; on board: " + DescribeFly(options_));
       notice_.Ready();
       while (Tick(&backend)) {
         const std::string state = DescribeMap(backend, flights->NumOpen());

@@ -22,10 +22,10 @@ const cv::Scalar kGreen(80, 220, 60), kOrange(0, 140, 255), kPaper(255, 255, 255
 struct Half {
   cv::Mat picture;
   double scale = 1;  // picture pixels per pixel of the image
-  std::string label;
   Camera camera;
   Pinhole ideal;
   int width = 0, height = 0;  // of the image
+  bool is_missing = false;
 
   Eigen::Vector2d Place(const Eigen::Vector2f& pixel) const {
     const Eigen::Vector2d p = ImagePixels(camera, ideal, width, height).FromIdeal(pixel.cast<double>());
@@ -33,15 +33,11 @@ struct Half {
   }
 };
 
-Half MakeHalf(const Snapshot& snapshot, const SubmapKey& key, KeyframeId id, const FetchImage& fetch, int height) {
-  const SnapshotSubmap& submap = snapshot.submaps[static_cast<size_t>(snapshot.FindSubmap(key))];
-  const SessionStarted& session = snapshot.model->GetSession(key.session).info;
+Half MakeHalf(const MapModel& model, const SubmapKey& key, KeyframeId id, const FetchImage& fetch, int height) {
+  const SessionStarted& session = model.GetSession(key.session).info;
   Half half;
   half.camera = session.camera;
   half.ideal = session.pinhole;
-  half.label = "submap " + std::to_string(submap.number);
-  if (const auto keyframe = submap.submap->keyframes.find(id); keyframe != submap.submap->keyframes.end())
-    half.label += ", frame " + std::to_string(keyframe->second.frame);
   cv::Mat image;
   if (fetch) {
     if (const auto stored = fetch(key.session, id))
@@ -49,7 +45,7 @@ Half MakeHalf(const Snapshot& snapshot, const SubmapKey& key, KeyframeId id, con
   }
   const bool is_missing = image.empty();
   if (is_missing) {
-    half.label += " (image missing)";
+    half.is_missing = true;
     image = cv::Mat(session.pinhole.height, session.pinhole.width, CV_8UC3, kNone);
   }
   half.width = image.cols;
@@ -58,6 +54,15 @@ Half MakeHalf(const Snapshot& snapshot, const SubmapKey& key, KeyframeId id, con
   cv::resize(image, half.picture, {std::max(1, static_cast<int>(std::lround(half.scale * image.cols))), height}, 0, 0,
              half.scale < 1 ? cv::INTER_AREA : cv::INTER_LINEAR);
   return half;
+}
+
+// For a person: which submap, which frame.
+std::string Label(const Snapshot& snapshot, const SubmapKey& key, KeyframeId id, const Half& half) {
+  const SnapshotSubmap& submap = snapshot.submaps[static_cast<size_t>(snapshot.FindSubmap(key))];
+  std::string label = "submap " + std::to_string(submap.number);
+  if (const auto keyframe = submap.submap->keyframes.find(id); keyframe != submap.submap->keyframes.end())
+    label += ", frame " + std::to_string(keyframe->second.frame);
+  return label + (half.is_missing ? " (image missing)" : "");
 }
 
 cv::Point Fixed(const Eigen::Vector2d& p) {
@@ -80,18 +85,18 @@ std::vector<uint8_t> DrawConnection(const Snapshot& snapshot, const EvaluatedCon
                                     const PictureSource& source, const ConnectionPictureOptions& options) {
   const auto matched = MatchConnection(snapshot, connection, source.keyframe);
   if (!matched) return {};
-  const Half a = MakeHalf(snapshot, connection.a, matched->a, source.image, options.height);
-  const Half b = MakeHalf(snapshot, connection.b, matched->b, source.image, options.height);
+  const Half a = MakeHalf(*snapshot.model, connection.a, matched->a, source.image, options.height);
+  const Half b = MakeHalf(*snapshot.model, connection.b, matched->b, source.image, options.height);
   const int left = a.picture.cols, width = left + kGap + b.picture.cols;
   cv::Mat canvas(kHeading + options.height, width, CV_8UC3, kPaper);
   a.picture.copyTo(canvas(cv::Rect(0, kHeading, left, options.height)));
   b.picture.copyTo(canvas(cv::Rect(left + kGap, kHeading, b.picture.cols, options.height)));
   const size_t n = matched->matches.size();
-  Write(
-      &canvas,
-      a.label + ": " + std::to_string(n) + (matched->are_inliers ? " points found in both" : " matches, not confirmed"),
-      6, left - 12);
-  Write(&canvas, b.label, left + kGap + 6, b.picture.cols - 12);
+  Write(&canvas,
+        Label(snapshot, connection.a, matched->a, a) + ": " + std::to_string(n) +
+            (matched->are_inliers ? " points found in both" : " matches, not confirmed"),
+        6, left - 12);
+  Write(&canvas, Label(snapshot, connection.b, matched->b, b), left + kGap + 6, b.picture.cols - 12);
   const cv::Scalar color = matched->are_inliers ? kGreen : kOrange;
   const int radius = std::max(2, options.height / 240);
   for (const auto& [in_a, in_b] : matched->matches) {
@@ -107,6 +112,26 @@ std::vector<uint8_t> DrawConnection(const Snapshot& snapshot, const EvaluatedCon
   } else {
     cv::imencode(".jpg", canvas, bytes, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
   }
+  return bytes;
+}
+
+std::vector<uint8_t> DrawKeyframe(const MapModel& model, const SubmapKey& key, KeyframeId id, const FetchImage& image,
+                                  int height, bool with_features) {
+  const auto& submaps = model.GetSession(key.session).submaps;
+  const auto submap = submaps.find(key.submap);
+  if (submap == submaps.end()) return {};
+  const auto keyframe = submap->second.keyframes.find(id);
+  if (keyframe == submap->second.keyframes.end()) return {};
+  Half half = MakeHalf(model, key, id, image, height);
+  const auto& keypoints = keyframe->second.features.keypoints;
+  const auto& points = keyframe->second.map_points;
+  for (size_t i = 0; with_features && i < keypoints.size(); ++i) {
+    const bool sees_point = i < points.size() && points[i].IsValid();
+    cv::circle(half.picture, Fixed(half.Place(keypoints[i].pixel)), (sees_point ? 4 : 1) << kFractionBits,
+               sees_point ? kGreen : kNone, sees_point ? 2 : 1, cv::LINE_AA, kFractionBits);
+  }
+  std::vector<uint8_t> bytes;
+  cv::imencode(".jpg", half.picture, bytes, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
   return bytes;
 }
 

@@ -20,4 +20,10 @@ struct ConnectionPictureOptions {
 std::vector<uint8_t> DrawConnection(const Snapshot& snapshot, const EvaluatedConnection& connection,
                                     const PictureSource& source, const ConnectionPictureOptions& options = {});
 
+// One keyframe with its features as a JPEG: those that see a map point are rings, green (bright) and thick; the others
+// are small and grey. Empty if there is no such keyframe. Without an image its features stand on grey.
+//   with_features  false: the image alone
+std::vector<uint8_t> DrawKeyframe(const MapModel& model, const SubmapKey& key, KeyframeId id, const FetchImage& image,
+                                  int height, bool with_features);
+
 }  // namespace mapmend

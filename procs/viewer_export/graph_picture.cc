@@ -160,7 +160,8 @@ void DrawSubmap(const Snapshot& snapshot, int row, Canvas* canvas) {
   canvas->DrawText(at + Vector2d(-28, 13), counts, {11, kMuted, Canvas::Anchor::kEnd});
   canvas->DrawCircle(at, kRadius, CategoryColor(submap.number),
                      submap.is_root ? Canvas::Stroke{kInk, 2.5} : NoStroke());
-  canvas->DrawText(at + Vector2d(0, 5), std::to_string(submap.number), {13, "#ffffff", Canvas::Anchor::kMiddle, true});
+  canvas->DrawText(at + Vector2d(0, 5), std::to_string(submap.number),
+                   {13, InkOn(CategoryColor(submap.number)), Canvas::Anchor::kMiddle, true});
   if (row + 1 >= static_cast<int>(snapshot.submaps.size())) return;
   const Vector2d between = at + Vector2d(0, kRow / 2);
   if (submap.Lost()) {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "libs/base/median.h"
-#include "procs/viewer_export/level_frame.h"
+#include "libs/map_view/level_frame.h"
 
 namespace mapmend {
 namespace {

@@ -14,6 +14,7 @@
 #include <list>
 #include <mutex>
 #include <thread>
+#include <utility>
 
 #include "procs/viewer_export/live_guard.h"
 
@@ -45,15 +46,20 @@ struct Connection {
   }
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
-  ~Connection() { close(fd); }
+  ~Connection() {
+    if (fd >= 0) close(fd);
+  }
   bool IsLocal() const { return address.starts_with("127.") || address == "::1"; }
 
-  const int fd;
+  int fd;  // -1: given away
   const Clock::time_point accepted;
   std::string address;
   int port = 0;
-  std::string request;  // what has come of it
+  std::string request;                     // what has come of it
+  GuardedHttpServer::TakeConnection take;  // who has it after the answer; empty: it is closed
 };
+
+thread_local Connection* answered_now = nullptr;
 
 // One request that has come in full, and its answer.
 class AnsweringStream : public httplib::Stream {
@@ -238,8 +244,14 @@ void GuardedHttpServer::Impl::Work() {
       connection = std::move(complete.front());
       complete.pop_front();
     }
+    answered_now = connection.get();
     answer(connection.get());
-    shutdown(connection->fd, SHUT_WR);
+    answered_now = nullptr;
+    if (connection->take) {
+      connection->take(std::exchange(connection->fd, -1), connection->address);
+    } else {
+      shutdown(connection->fd, SHUT_WR);
+    }
   }
 }
 
@@ -256,6 +268,16 @@ GuardedHttpServer::~GuardedHttpServer() = default;
 
 bool GuardedHttpServer::Bind(const std::string& address, int port) {
   return bind_to_port(address, port) && ::listen(svr_sock_, kBacklog) == 0;
+}
+
+void GuardedHttpServer::KeepConnection(const std::string& content_type, TakeConnection take,
+                                       httplib::Response* response) {
+  // Sends the head alone, without a length.
+  response->set_content_provider(content_type, [](size_t, httplib::DataSink& sink) {
+    sink.done();
+    return true;
+  });
+  if (answered_now != nullptr) answered_now->take = std::move(take);
 }
 
 bool GuardedHttpServer::process_and_close_socket(socket_t socket) {

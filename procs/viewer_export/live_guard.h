@@ -5,6 +5,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -44,6 +45,11 @@ class GuardedHttpServer : public httplib::Server {
 
   // Listens, and then lets more than the library's five wait for being accepted.
   bool Bind(const std::string& address, int port);
+
+  // To be called while a request is answered: an answer with this head and without an end. `take` gets the connection
+  // (then its own to close) and the address of the other side once the head has been sent.
+  using TakeConnection = std::function<void(int fd, const std::string& address)>;
+  static void KeepConnection(const std::string& content_type, TakeConnection take, httplib::Response* response);
 
  private:
   // The library calls this for each connection that it has accepted. (It is private there; name and meaning are those

@@ -5,22 +5,33 @@
 
 namespace mapmend {
 
-// Serves the live page over HTTP: / is the page, /state.json what it polls, /report and /files/ the exports in a
-// directory. Has a thread of its own.
+class LiveFeed;
+class LiveQuestions;
+
+struct LiveServerOptions {
+  std::string bind = "127.0.0.1";
+  int port = 0;
+  std::string files;       // folder of results; empty: none
+  std::string token;       // who acts on the map must show it; empty: nobody may
+  std::string javascript;  // folder of Debian's JavaScript packages; empty: /usr/share/javascript
+};
+
+// Serves the live page over HTTP (docs/protocol.md, The live page): the page and what it is made of, /events (what
+// changes in the feed), pictures, tiles, /report and /files/, and takes decisions on connections. Has threads of its
+// own; feed and questions must outlive it.
 class LiveServer {
  public:
-  // Listens on bind:port at once. files: the directory of the exports, empty for none. Throws std::runtime_error with
-  // one line if the port cannot be had.
-  LiveServer(const std::string& bind, int port, const std::string& files);
+  // Listens at once. Throws std::runtime_error with one line if the port cannot be had.
+  LiveServer(const LiveServerOptions& options, LiveFeed* feed, LiveQuestions* questions);
   ~LiveServer();
   LiveServer(const LiveServer&) = delete;
   LiveServer& operator=(const LiveServer&) = delete;
 
-  // What /state.json answers from now on. Thread-safe.
-  void SetState(std::string json);
-  // Whether somebody looks at the page: true for some seconds after each request. Without a reader the state need not
-  // be made.
-  bool WantsState() const;
+  // The feed has changed.
+  void Wake();
+  // Waits until every page has what is in the feed, but not long.
+  void Flush();
+  int NumPages() const;
   std::string Url() const;
 
  private:

@@ -2,168 +2,298 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
+#include <vector>
 
-#include "procs/viewer_export/graph_export.h"
-#include "procs/viewer_export/restoration.h"
-#include "procs/viewer_export/trajectory_picture.h"
+#include "libs/drawing/canvas.h"
+#include "libs/merging/merging_time.h"
+#include "libs/merging/restoration_log.h"
+#include "procs/viewer_export/live_map.h"
 
 namespace mapmend {
 namespace {
 
 using Json = nlohmann::json;
 
-constexpr size_t kMostPictures = 6;  // parts of the map that are drawn
+constexpr size_t kMostPairs = 60;  // of connected frames of an edge, that are listed
 
-std::string Fixed(double value, int decimals) {
-  char text[64];
-  std::snprintf(text, sizeof(text), "%.*f", decimals, value);
-  return text;
-}
+std::string Text(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
-int CountLosses(const Snapshot& snapshot) {
-  return static_cast<int>(std::count_if(snapshot.submaps.begin(), snapshot.submaps.end(),
-                                        [](const SnapshotSubmap& s) { return s.Lost(); }));
-}
+bool IsLost(const Submap& submap) { return submap.ended && submap.end_reason != "end_of_input"; }
 
-// state: waiting, tracking, lost, merging, whole, parts; with a headline for it.
-void AddHeadline(const Snapshot& snapshot, const LiveInputs& inputs, Json* json) {
-  const MapModel& model = *snapshot.model;
-  const FramePose& pose = inputs.Pose();
-  std::string state, headline, detail;
-  if (model.SessionOrder().empty()) {
-    state = "waiting";
-    headline = "Waiting for a flight";
-    detail = "No frontend has started a session yet.";
-  } else if (!model.AllEnded()) {
-    const bool lost = pose.state == "lost";
-    state = lost ? "lost" : "tracking";
-    headline = lost ? "Tracking is lost" : pose.state == "initialising" ? "Looking for a start" : "Tracking";
-    if (lost) detail = "A new submap begins as soon as the view allows; nothing mapped so far is lost.";
-    if (pose.frame >= 0) headline += " · frame " + std::to_string(pose.frame);
-    if (pose.state == "tracking") detail = std::to_string(pose.num_inliers) + " points support the pose.";
-  } else if (!model.Revision().transforms.is_final) {
-    state = "merging";
-    headline = "Joining the submaps";
-    detail = "The flight has ended; the merger compares all submaps and refines the map.";
-  } else if (snapshot.components.size() <= 1) {
-    state = "whole";
-    headline = snapshot.submaps.empty() ? "There is no map" : "The map is in one piece";
-    if (snapshot.submaps.empty()) detail = "Tracking never started.";
-  } else {
-    state = "parts";
-    headline = "The map is in " + std::to_string(snapshot.components.size()) + " parts";
-    detail = "The report says why they could not be joined.";
+struct Counts {
+  int submaps = 0, losses = 0, parts = 0;
+};
+
+// Parts as the merger knows them; a submap that it does not know is one of its own.
+Counts Count(const MapModel& model) {
+  Counts counts;
+  std::set<int> components;
+  const auto& places = model.Revision().transforms.submaps;
+  for (const std::string& id : model.SessionOrder()) {
+    for (const auto& [number, submap] : model.GetSession(id).submaps) {
+      ++counts.submaps;
+      counts.losses += IsLost(submap) ? 1 : 0;
+      const SubmapKey key = {id, number};
+      const auto place = std::find_if(places.begin(), places.end(), [&](const auto& p) { return p.key == key; });
+      if (place == places.end()) {
+        ++counts.parts;
+      } else {
+        components.insert(place->component);
+      }
+    }
   }
-  (*json)["state"] = state;
-  (*json)["headline"] = headline;
-  (*json)["detail"] = detail;
+  counts.parts += static_cast<int>(components.size());
+  return counts;
 }
 
-Json Figures(const Snapshot& snapshot) {
-  Json figures = Json::array();
-  const auto add = [&](const std::string& value, const std::string& label, const std::string& note) {
-    figures.push_back({{"value", value}, {"label", label}, {"note", note}});
+double CountKeyframes(const MapModel& model) {
+  size_t count = 0;
+  for (const std::string& id : model.SessionOrder()) {
+    for (const auto& [number, submap] : model.GetSession(id).submaps) count += submap.keyframes.size();
+  }
+  return static_cast<double>(count);
+}
+
+// state: waiting, tracking, lost, merging, whole, parts, unmerged; with words for a person.
+Json Headline(const MapModel& model, const FramePose& pose, const LiveRun& run) {
+  const Counts counts = Count(model);
+  const auto tell = [](const char* state, const std::string& headline, const std::string& detail) {
+    return Json{{"state", state}, {"headline", headline}, {"detail", detail}};
   };
-  const double in = snapshot.num_frames_in;
-  const size_t main = snapshot.components.empty() ? 0 : snapshot.components[0].frames.size();
-  size_t keyframes = 0, points = 0, accepted = 0;
-  for (const SnapshotSubmap& s : snapshot.submaps) {
-    keyframes += s.submap->keyframes.size();
-    points += s.submap->points.size();
-  }
-  const std::vector<GraphEdge> connections = ListEdges(snapshot);
-  for (const GraphEdge& e : connections) accepted += e.connection->verdict == EvaluatedConnection::Verdict::kAccepted;
-  const int losses = CountLosses(snapshot);
-  add(std::to_string(snapshot.num_frames_tracked), "frames tracked",
-      in > 0 ? Fixed(100 * snapshot.num_frames_tracked / in, 1) + " % of the flight" : "");
-  add(std::to_string(main), "frames in the main map",
-      snapshot.num_frames_tracked > 0
-          ? Fixed(100.0 * static_cast<double>(main) / snapshot.num_frames_tracked, 1) + " % of tracked"
-          : "");
-  add(std::to_string(snapshot.submaps.size()), "submaps", std::to_string(losses) + (losses == 1 ? " loss" : " losses"));
-  add(std::to_string(accepted), "connections", "of " + std::to_string(connections.size()) + " evaluated");
-  add(std::to_string(keyframes), "keyframes", "");
-  add(std::to_string(points), "map points", "");
-  return figures;
-}
-
-Json Pictures(const Snapshot& snapshot, const LiveInputs& inputs, const GroundTruth* ground_truth) {
-  Json pictures = Json::array();
-  const int live_submap = snapshot.model->AllEnded() ? -1 : snapshot.FindSubmap(inputs.Pose().submap);
-  for (size_t c = 0; c < snapshot.components.size() && pictures.size() < kMostPictures; ++c) {
-    if (snapshot.components[c].frames.empty()) continue;
-    TrajectoryPictureOptions options;
-    Evaluation evaluation;
-    if (ground_truth != nullptr) {
-      evaluation = EvaluateTrajectory(ToTrajectory(snapshot.components[c].frames), ground_truth->trajectory,
-                                      ground_truth->options);
-      options.evaluation = &evaluation;
-      options.ground_truth = &ground_truth->trajectory;
+  if (model.SessionOrder().empty())
+    return tell("waiting", "Waiting for a flight", "No frontend has started a session yet.");
+  if (!model.AllEnded() && !run.is_stored) {
+    if (pose.state == "lost") {
+      return tell("lost", "Tracking is lost",
+                  "A new submap begins as soon as the view allows; nothing mapped so far is lost.");
     }
-    if (live_submap >= 0 && snapshot.submaps[live_submap].component == static_cast<int>(c)) {
-      options.here = snapshot.submaps[live_submap].root_from_submap * inputs.Pose().cam_from_submap.Center();
+    if (pose.state == "tracking")
+      return tell("tracking", "Tracking", std::to_string(pose.num_inliers) + " points support the pose.");
+    return tell("starting", "Looking for a start", "A map begins as soon as two views show enough depth.");
+  }
+  if (!model.Revision().transforms.is_final) {
+    if (run.is_stored)
+      return tell("unmerged", "The map was not merged to the end", "The command mapmend merge makes the merged map.");
+    return tell("merging", "Joining the submaps",
+                "The flight has ended; the merger compares all submaps and refines the map.");
+  }
+  if (counts.submaps == 0) return tell("parts", "There is no map", "Tracking never started.");
+  if (counts.parts <= 1) return tell("whole", "The map is in one piece", "");
+  return tell("parts", "The map is in " + std::to_string(counts.parts) + " parts",
+              "The graph and the report say why they could not be joined.");
+}
+
+void PublishRun(const MapModel& model, const LiveInputs& inputs, const LiveRun& run, LiveFeed* feed) {
+  Json json = Headline(model, inputs.Pose(), run);
+  json["folder"] = run.folder;
+  json["report"] = run.exported && !run.folder.empty();
+  json["can_decide"] = run.can_decide;
+  json["is_stored"] = run.is_stored;
+  json["ended"] = model.AllEnded();
+  json["final"] = model.IsComplete();
+  json["stopped"] = run.has_stopped;
+  json["version"] = MAPMEND_VERSION;
+  json["merging_estimate_s"] = EstimateMergingSeconds(CountKeyframes(model), 1);
+  const MergedTransforms& merged = model.Revision().transforms;
+  json["revision"] = merged.revision;
+  json["refined"] = merged.refined;
+  feed->Set("run", Text(json));
+}
+
+void PublishSessions(const MapModel& model, LiveFeed* feed) {
+  for (size_t i = 0; i < model.SessionOrder().size(); ++i) {
+    const Session& session = model.GetSession(model.SessionOrder()[i]);
+    const Pinhole& camera = session.info.pinhole;
+    feed->Set("session/" + std::to_string(i),
+              Text({{"id", session.id},
+                    {"vehicle", session.info.vehicle},
+                    {"source", session.info.source},
+                    {"start", session.start_utime},
+                    {"last", model.LastUtime(session.id)},
+                    {"ended", session.ended},
+                    {"frames", session.ended ? session.num_frames : session.info.num_frames},
+                    {"width", camera.width},
+                    {"height", camera.height},
+                    {"fx", camera.fx},
+                    {"fy", camera.fy},
+                    {"cx", camera.cx},
+                    {"cy", camera.cy}}));
+  }
+}
+
+Json DescribeSubmap(const SubmapKey& key, const Submap& submap, int session, int number) {
+  Json json = {{"number", number},
+               {"session", session},
+               {"session_id", key.session},
+               {"id", key.submap.value},
+               {"color", CategoryColor(number)},
+               {"ink", InkOn(CategoryColor(number))},
+               {"ended", submap.ended},
+               {"lost", IsLost(submap)},
+               {"reason", submap.end_reason},
+               {"detail", submap.end_detail},
+               {"keyframes", submap.keyframes.size()},
+               {"points", submap.points.size()},
+               {"frames", submap.frames.size()}};
+  if (!submap.frames.empty()) {
+    // In the order of tracking: the first may have been tracked backwards later.
+    const auto by_time = [](const TrackedFrame& a, const TrackedFrame& b) { return a.utime < b.utime; };
+    const auto first =
+        std::min_element(submap.frames.begin(),
+                         submap.frames.begin() + std::min<std::ptrdiff_t>(64, std::ssize(submap.frames)), by_time);
+    json["begin"] = first->utime;
+    json["begin_frame"] = first->frame;
+    json["end"] = std::max(submap.frames.back().utime, first->utime);
+    json["end_frame"] = std::max(submap.frames.back().frame, first->frame);
+  }
+  return json;
+}
+
+void PublishSubmaps(const MapModel& model, LiveFeed* feed) {
+  const auto& places = model.Revision().transforms.submaps;
+  int offset = 0, letters = 0;
+  for (size_t i = 0; i < model.SessionOrder().size(); ++i) {
+    const Session& session = model.GetSession(model.SessionOrder()[i]);
+    int highest = -1;
+    for (const auto& [id, submap] : session.submaps) {
+      const SubmapKey key = {session.id, id};
+      Json json = DescribeSubmap(key, submap, static_cast<int>(i), offset + id.value);
+      json["letters"] = SubmapLetters(letters++);
+      const auto place = std::find_if(places.begin(), places.end(), [&](const auto& p) { return p.key == key; });
+      if (place != places.end()) {
+        json["component"] = place->component;
+        json["root"] = place->is_root;
+        json["place"] = ToArray(place->root_from_submap);
+      }
+      highest = std::max(highest, id.value);
+      feed->Set("submap/" + PageKey(model, key), Text(json));
     }
-    pictures.push_back(MakeTrajectorySvg(snapshot, static_cast<int>(c), options));
+    offset += highest + 1;
   }
-  return pictures;
 }
 
-// Table 1 of the paper, as far as the flight has come.
-Json Restorations(const Snapshot& snapshot) {
-  Json rows = Json::array();
-  for (const RestorationStep& step : MakeRestorationTable(snapshot).steps) {
-    const std::string submap = SubmapLetters(step.submap);
-    const bool merges = step.event == RestorationStep::Event::kMerge;
-    rows.push_back({{"frame", step.frame},
-                    {"event", merges ? submap + " connected" : submap + " begun"},
-                    {"L1", StackLetters(step.unrecovered)},
-                    {"L2", StackLetters(step.tracked)}});
+bool IsDisabled(const EvaluatedConnection& connection, const std::vector<EdgeDecision>& decisions) {
+  bool disabled = false;
+  for (const EdgeDecision& d : decisions) {
+    if ((d.a == connection.a && d.b == connection.b) || (d.a == connection.b && d.b == connection.a))
+      disabled = d.disabled;
   }
-  return rows;
+  return disabled;
 }
 
-Json Processes(const LiveInputs& inputs) {
-  Json processes = Json::array();
+Json DescribeEdge(const MapModel& model, const EvaluatedConnection& c, bool disabled) {
+  Json pairs = Json::array();
+  for (const auto& pair : c.pairs) {
+    if (pairs.size() < kMostPairs) pairs.push_back({pair.a.value, pair.b.value, pair.num_inliers});
+  }
+  // Connected from the first keyframe of the younger one on that sees the older one's ground.
+  int64_t since = -1;
+  for (const auto& pair : c.pairs) {
+    const auto utime = model.FindKeyframeUtime(c.b.session, pair.b);
+    if (utime && (since < 0 || *utime < since)) since = *utime;
+  }
+  return {{"a", PageKey(model, c.a)},
+          {"b", PageKey(model, c.b)},
+          {"verdict", ToString(c.verdict)},
+          {"kind", KindOf(c)},
+          {"reason", c.reason},
+          {"tree", c.in_tree},
+          {"F", c.num_connected_frames},
+          {"M", c.num_common_points},
+          {"theta", std::round(10 * c.median_angle_deg) / 10},
+          {"C", std::round(10 * c.strength) / 10},
+          {"inliers", c.num_inliers},
+          {"candidates", c.num_candidates},
+          {"error_px", std::round(100 * c.median_error_px) / 100},
+          {"disabled", disabled},
+          {"since", since},
+          {"pairs", pairs}};
+}
+
+void PublishEdges(const MapModel& model, const std::vector<EdgeDecision>& decisions, LiveFeed* feed) {
+  const auto is_known = [&](const SubmapKey& key) {
+    const auto& order = model.SessionOrder();
+    return std::find(order.begin(), order.end(), key.session) != order.end() &&
+           model.GetSession(key.session).submaps.contains(key.submap);
+  };
+  std::set<std::string> names;
+  for (const EvaluatedConnection& c : model.Revision().connections) {
+    if (!is_known(c.a) || !is_known(c.b)) continue;
+    const std::string name = "edge/" + PageKey(model, c.a) + "|" + PageKey(model, c.b);
+    feed->Set(name, Text(DescribeEdge(model, c, IsDisabled(c, decisions))));
+    names.insert(name);
+  }
+  feed->KeepOnly("edge/", names);
+}
+
+void PublishPose(const MapModel& model, const FramePose& pose, LiveFeed* feed) {
+  const auto& order = model.SessionOrder();
+  const bool is_tracked =
+      pose.state == "tracking" && std::find(order.begin(), order.end(), pose.submap.session) != order.end();
+  if (model.AllEnded() || pose.frame < 0) return feed->Erase("pose");
+  Json json = {{"state", pose.state}, {"frame", pose.frame}, {"utime", pose.utime}, {"inliers", pose.num_inliers}};
+  if (is_tracked) {
+    json["submap"] = PageKey(model, pose.submap);
+    json["cam_from_submap"] = ToArray(pose.cam_from_submap);
+  }
+  feed->Set("pose", Text(json));
+}
+
+void PublishProcesses(const MapModel& model, const LiveInputs& inputs, LiveFeed* feed) {
   const auto now = std::chrono::steady_clock::now();
   for (const auto& [name, heard] : inputs.HealthOf()) {
     const Health& health = heard.health;
-    std::string note;
-    for (const auto& [counter, value] : health.counters) {
-      note +=
-          (note.empty() ? "" : ", ") + counter + " " + (value == std::floor(value) ? Fixed(value, 0) : Fixed(value, 1));
+    std::string vehicle;
+    for (const auto& [session, seq] : health.cursors) {
+      const auto& order = model.SessionOrder();
+      if (health.process == "frontend" && std::find(order.begin(), order.end(), session) != order.end())
+        vehicle = model.GetSession(session).info.vehicle;
     }
-    processes.push_back({{"name", name},
-                         {"state", health.state},
-                         {"message", health.message},
-                         {"age_s", std::chrono::duration<double>(now - heard.arrival).count()},
-                         {"cpu_s", health.cpu_s},
-                         {"rss_mb", health.rss_mb},
-                         {"note", note}});
+    // How long it has been silent, in coarse steps, so that it does not change with every look.
+    const double silent = std::chrono::duration<double>(now - heard.arrival).count();
+    const auto rounded = [](double value, double step) { return std::round(value / step) * step; };
+    Json counters = Json::object();
+    for (const auto& [counter, value] : health.counters) counters[counter] = rounded(value, 0.01);
+    feed->Set("process/" + name, Text({{"name", health.process},
+                                       {"vehicle", vehicle},
+                                       {"pid", health.pid},
+                                       {"state", health.state},
+                                       {"message", health.message},
+                                       {"silent_s", silent < 3 ? 0 : std::floor(silent / 5) * 5 + 3},
+                                       {"cpu_s", rounded(health.cpu_s, 0.1)},
+                                       {"rss_mb", rounded(health.rss_mb, 1)},
+                                       {"queue", health.queue_depth},
+                                       {"counters", counters}}));
   }
-  return processes;
 }
 
 }  // namespace
 
 void LiveInputs::OnHealth(const Health& health) {
-  health_[health.process] = {health, std::chrono::steady_clock::now()};
+  std::string name = health.process;
+  // Several vehicles have a frontend each; one that was started again goes on in the same session.
+  if (health.process == "frontend" && !health.cursors.empty()) {
+    name += "/" + health.cursors.rbegin()->first;
+    health_.erase("frontend");
+  }
+  health_[name] = {health, std::chrono::steady_clock::now()};
 }
 
-std::string MakeLiveState(const MapModel& model, const LiveInputs& inputs, const GroundTruth* ground_truth,
-                          bool exported, const std::string& gaps_svg) {
-  const Snapshot snapshot = MakeSnapshot(model);
-  Json json;
-  AddHeadline(snapshot, inputs, &json);
-  json["figures"] = Figures(snapshot);
-  json["pictures"] = Pictures(snapshot, inputs, ground_truth);
-  if (!gaps_svg.empty()) json["pictures"].push_back(gaps_svg);
-  json["graph"] = MakeGraphSvg(snapshot);
-  json["restoration"] = Restorations(snapshot);
-  json["processes"] = Processes(inputs);
-  json["report"] = exported;
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+void LiveInputs::WasDeaf(std::chrono::steady_clock::duration time) {
+  for (auto& [name, heard] : health_) heard.arrival += time;
+}
+
+void PublishState(const MapModel& model, const LiveInputs& inputs, const LiveRun& run,
+                  const std::vector<EdgeDecision>& decisions, LiveFeed* feed) {
+  PublishRun(model, inputs, run, feed);
+  PublishSessions(model, feed);
+  PublishSubmaps(model, feed);
+  PublishEdges(model, decisions, feed);
+  PublishPose(model, inputs.Pose(), feed);
+  PublishProcesses(model, inputs, feed);
 }
 
 }  // namespace mapmend

@@ -5,8 +5,9 @@
 #include <string>
 
 #include "libs/bus/health.h"
+#include "libs/map_view/map_model.h"
 #include "libs/stream/stream_messages.h"
-#include "procs/viewer_export/map_evaluation.h"
+#include "procs/viewer_export/live_feed.h"
 
 namespace mapmend {
 
@@ -15,6 +16,8 @@ class LiveInputs {
  public:
   void OnFramePose(const FramePose& pose) { pose_ = pose; }
   void OnHealth(const Health& health);
+  // Nothing could be heard for so long: nobody's silence counts.
+  void WasDeaf(std::chrono::steady_clock::duration time);
 
   struct Heard {
     Health health;
@@ -23,19 +26,27 @@ class LiveInputs {
 
   // Before any was received, one with an empty state.
   const FramePose& Pose() const { return pose_; }
+  // By the name of the process; of several frontends, by the session as well.
   const std::map<std::string, Heard>& HealthOf() const { return health_; }
 
  private:
   FramePose pose_;
-  std::map<std::string, Heard> health_;  // by process name
+  std::map<std::string, Heard> health_;
 };
 
-// What the live page reads, as JSON: {state, headline, detail, figures[] {value, label, note}, pictures[] (SVG), graph
-// (SVG), restoration[] {frame, event, L1, L2}, processes[] {name, state, message, age_s, cpu_s, rss_mb, note}, report
-// (bool)}.
-//   exported  the exports of this very map have been written
-//   gaps_svg  what is to be flown again, drawn last; empty: nothing is drawn
-std::string MakeLiveState(const MapModel& model, const LiveInputs& inputs, const GroundTruth* ground_truth,
-                          bool exported, const std::string& gaps_svg = "");
+// How the run stands that the page shows.
+struct LiveRun {
+  std::string folder;        // of results, absolute; empty: none
+  bool is_stored = false;    // a finished map is shown, nothing is being made
+  bool can_decide = false;   // connections can be switched off and on, with the token
+  bool exported = false;     // the exports of this very map have been written
+  bool has_stopped = false;  // the viewer is about to end
+};
+
+// The values of the feed that can be told without looking at the whole map (docs/protocol.md, The live page): run,
+// session/N, submap/KEY, edge/KEY|KEY, pose, process/NAME. Equal ones cost nothing on the way.
+//   decisions  of people, on connections
+void PublishState(const MapModel& model, const LiveInputs& inputs, const LiveRun& run,
+                  const std::vector<EdgeDecision>& decisions, LiveFeed* feed);
 
 }  // namespace mapmend

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "libs/bus/access_token.h"
 #include "libs/bus/bus.h"
 #include "libs/bus/process.h"
 #include "libs/command_line/command_line.h"
@@ -16,7 +17,7 @@
 #include "libs/geometry/read_trajectory.h"
 #include "procs/viewer_export/edge_tool.h"
 #include "procs/viewer_export/exporter.h"
-#include "procs/viewer_export/live_server.h"
+#include "procs/viewer_export/live_page.h"
 #include "procs/viewer_export/viewer.h"
 
 namespace mapmend {
@@ -29,9 +30,8 @@ struct Arguments {
   std::vector<std::string> formats;
   double time_offset_s = 0;
   std::optional<double> time_tolerance_s;
-  std::string ground_truth, times, truth_origin, report, bind = "127.0.0.1", picture = "edge.png";
+  std::string ground_truth, times, truth_origin, report, token_file, picture = "edge.png";
   std::vector<std::string> edge;
-  int port = 0;
 };
 
 void AddArguments(CLI::App* app, Arguments* arguments) {
@@ -50,10 +50,16 @@ void AddArguments(CLI::App* app, Arguments* arguments) {
   app->add_option(
       "--groundtruth-origin", arguments->truth_origin,
       "LATITUDE,LONGITUDE,ALTITUDE of a ground truth that is east, north, up (default: the first position)");
-  app->add_option("--port", arguments->port, "TCP port of the live page, 0 for none")
+  app->add_option("--port", arguments->viewer.page.port, "TCP port of the live page, 0 for none")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
-  app->add_option("--bind", arguments->bind, "Address on which the live page listens")->capture_default_str();
+  app->add_option("--bind", arguments->viewer.page.bind, "Address on which the live page listens")
+      ->capture_default_str();
+  app->add_option("--files", arguments->viewer.page.files,
+                  "Folder of results that the live page shows (default: --out)");
+  app->add_option("--token-file", arguments->token_file,
+                  "File with the secret that who switches connections on the page must know");
+  app->add_flag("--stored", arguments->viewer.page.is_stored, "The map is finished: nothing more is expected");
   app->add_option("--report", arguments->report,
                   "Only make DIR/report.html again from DIR/summary.json and the pictures in DIR, then exit")
       ->type_name("DIR");
@@ -81,6 +87,8 @@ ViewerOptions CheckedOptions(const Arguments& arguments) {
         GroundTruth{truth, ReadGroundTruth(truth, arguments.times, arguments.time_offset_s).poses, {}};
     options.ground_truth->options = options.evaluation;
   }
+  if (options.page.files.empty()) options.page.files = options.out;
+  if (!arguments.token_file.empty()) options.page.token = ReadToken(arguments.token_file);
   return options;
 }
 
@@ -106,10 +114,11 @@ int Main(int argc, char** argv) {
   }
   const ViewerOptions options = CheckedOptions(arguments);
   if (!options.out.empty()) PrepareDirectory(options.out);
-  std::unique_ptr<LiveServer> server;
-  if (arguments.port > 0) server = std::make_unique<LiveServer>(arguments.bind, arguments.port, options.out);
+  std::unique_ptr<LivePage> page;
+  if (options.page.port > 0)
+    page = std::make_unique<LivePage>(options.page, options.exports.placement, options.exports.coverage);
   const std::unique_ptr<Bus> bus = connect();
-  Viewer viewer(options, std::move(server), bus.get());
+  Viewer viewer(options, std::move(page), bus.get());
   viewer.Run();
   return 0;
 }

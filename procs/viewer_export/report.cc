@@ -9,6 +9,8 @@
 #include <ctime>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
+#include <string>
+#include <vector>
 
 #include "libs/drawing/canvas.h"
 #include "libs/drawing/svg_canvas.h"
@@ -48,13 +50,35 @@ std::string Date(int64_t utime) {
 }
 
 std::string Chip(int64_t submap) {
-  return "<span class=\"chip\" style=\"background:" + CategoryColor(static_cast<int>(submap)) + "\">" +
+  const std::string color = CategoryColor(static_cast<int>(submap));
+  return "<span class=\"chip\" style=\"background:" + color + ";color:" + InkOn(color) + "\">" +
          std::to_string(submap) + "</span>";
 }
 
 std::string Sentence(std::string text) {
   if (!text.empty()) text[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(text[0])));
   return text + (text.ends_with(".") ? "" : ".");
+}
+
+// On narrow screens a row of a table becomes a list: each cell carries the heading of its column.
+std::string WithLabels(const std::string& html) {
+  std::string labelled;
+  std::vector<std::string> headings;
+  size_t column = 0;
+  for (size_t at = 0; at < html.size();) {
+    const size_t tag = html.find("<t", at);
+    if (tag == std::string::npos) return labelled + html.substr(at);
+    labelled += html.substr(at, tag - at);
+    const size_t end = html.find('>', tag);
+    std::string opening = html.substr(tag, end - tag);
+    if (opening.starts_with("<table")) headings.clear();
+    if (opening.starts_with("<tr")) column = 0;
+    if (opening.starts_with("<th")) headings.push_back(html.substr(end + 1, html.find("</th>", end) - end - 1));
+    if (opening.starts_with("<td") && column < headings.size()) opening += " data-label=\"" + headings[column++] + "\"";
+    labelled += opening;
+    at = end;
+  }
+  return labelled;
 }
 
 std::string PartName(const Json& summary, int64_t component) {
@@ -335,7 +359,7 @@ std::string MosaicSection(const Json& s, const ReportPictures& pictures) {
   std::string html = "<figure class=\"mosaic\">" + Image("jpeg", pictures.mosaic_jpeg, "the ground from above") +
                      "<figcaption>" + text + "</figcaption></figure>\n";
   if (!pictures.coverage_png.empty()) {
-    html += "<details><summary>How many images show each place</summary>" +
+    html += "<details open><summary>How many images show each place</summary>" +
             Image("png", pictures.coverage_png, "coverage") + "</details>\n";
   }
   return html;
@@ -435,12 +459,12 @@ std::string MakeReport(const std::string& summary_json, const ReportPictures& pi
             MosaicSection(s, pictures);
     for (const std::string& svg : pictures.trajectory_svgs) html += "<div class=\"picture\">" + svg + "</div>\n";
     html += WhyApart(s) + WorldSection(s) + GapSection(s, pictures.gaps_svg);
-    html += "<div class=\"picture\">" + pictures.graph_svg + "</div>\n";
+    html += "<div class=\"picture graph\">" + pictures.graph_svg + "</div>\n";
     html += RestorationRows(s) + ConnectionTable(s) + EdgePictures(s, pictures.edge_pictures) + LoopTable(s) +
             SubmapTable(s) + ProcessTable(s) + ProfileTable(s);
     html += "<footer>Written by mapmend " + Escaped(s["version"]) +
             ". The figures are in summary.json beside this page.</footer>\n";
-    return html + "</main></body></html>\n";
+    return WithLabels(html) + "</main></body></html>\n";
   } catch (const Json::exception& e) {
     throw std::runtime_error(std::string("summary.json: ") + e.what());
   }

@@ -20,9 +20,6 @@
 #include "libs/wire/stream_codec.h"
 #include "libs/wire/stream_consumer.h"
 #include "procs/viewer_export/exporter.h"
-#include "procs/viewer_export/gap_export.h"
-#include "procs/viewer_export/live_server.h"
-#include "procs/viewer_export/live_state.h"
 #include "procs/viewer_export/picture_store.h"
 #include "procs/viewer_export/restoration.h"
 
@@ -36,8 +33,6 @@ constexpr int kFetchTimeoutMs = 1500;
 // How often the store is asked for a revision that was not announced here (it may have been made before this process
 // began).
 constexpr auto kAskInterval = std::chrono::seconds(1);
-// The live page is worked out again at most this often.
-constexpr auto kLiveInterval = std::chrono::milliseconds(500);
 // The stacks of the merging process likewise.
 constexpr auto kStacksInterval = std::chrono::seconds(1);
 // How often the store is asked whether more images have come, and how long images that do not come are waited for.
@@ -47,13 +42,13 @@ constexpr auto kImagesPatience = std::chrono::seconds(4), kLatePatience = std::c
 }  // namespace
 
 struct Viewer::Impl {
-  Impl(const ViewerOptions& viewer_options, std::unique_ptr<LiveServer> live_server, Bus* the_bus)
+  Impl(const ViewerOptions& viewer_options, std::unique_ptr<LivePage> live_page, Bus* the_bus)
       : options(viewer_options),
         bus(the_bus),
         health(bus, "viewer_export"),
         store(bus, "viewer_export-" + std::to_string(getpid())),
         consumer(bus, &store, [this](const Record& record) { OnRecord(record); }),
-        server(std::move(live_server)) {
+        page(std::move(live_page)) {
     Subscribe();
   }
 
@@ -67,7 +62,12 @@ struct Viewer::Impl {
   void UpdateLivePage();
   // What `mapmend status` shows of the merging process.
   const std::string& Stacks();
-  void UpdateGaps();
+  void AskDecisions();
+  // A sign of life in the middle of long work.
+  void WorkOn() {
+    health.Tick();
+    if (page != nullptr) page->Update(model, false, true);
+  }
   const GroundTruth* TruthOrNull() const { return options.ground_truth ? &*options.ground_truth : nullptr; }
 
   const ViewerOptions options;
@@ -76,8 +76,8 @@ struct Viewer::Impl {
   StoreClient store;
   StreamConsumer consumer;
   MapModel model;
-  std::unique_ptr<LiveServer> server;
-  LiveInputs live;
+  std::unique_ptr<LivePage> page;  // null: none
+  int64_t decided_at = -2;         // revision that the decisions on the page were asked for
   int64_t num_bad_records = 0;
   int64_t announced = -1;             // newest revision that the merger spoke of
   int64_t fetched = -1;               // newest revision read from the store
@@ -85,9 +85,7 @@ struct Viewer::Impl {
   std::optional<ImageStatus> images;  // as of the last answer; none before it
   int exported_images = -1;           // that were stored when the map was last exported
   Clock::time_point images_changed_at;
-  Clock::time_point next_ask, next_live, next_stacks, next_images, next_gaps;
-  std::string gaps_svg;       // for the live page
-  int64_t gaps_version = -1;  // of the model it was made from
+  Clock::time_point next_ask, next_stacks, next_images;
   std::string stacks;
   int64_t stacks_version = -1;  // of the model, when they were worked out
   std::vector<Subscription> subscriptions;
@@ -102,15 +100,16 @@ void Viewer::Impl::Subscribe() {
   subscriptions.push_back(bus->Subscribe<EvaluatedConnection>(
       channels::kConnection, Delivery::kKeepAll,
       [this](const EvaluatedConnection& connection) { model.SetConnection(connection); }));
-  if (server == nullptr) return;
+  if (page == nullptr) return;
   subscriptions.push_back(bus->Subscribe<FramePose>(channels::kFramePose, Delivery::kLatest,
-                                                    [this](const FramePose& pose) { live.OnFramePose(pose); }));
+                                                    [this](const FramePose& pose) { page->OnFramePose(pose); }));
   subscriptions.push_back(bus->Subscribe<Health>(channels::kHealth, Delivery::kKeepAll,
-                                                 [this](const Health& told) { live.OnHealth(told); }));
+                                                 [this](const Health& told) { page->OnHealth(told); }));
 }
 
 void Viewer::Impl::OnRecord(const Record& record) {
   const std::string problem = model.Apply(record);
+  if (problem.empty() && page != nullptr) page->OnRecord(record, model);
   if (problem.empty()) return;
   if (num_bad_records++ == 0) {
     spdlog::error("viewer_export: record {} of session {}: {}", record.header.seq, record.header.session, problem);
@@ -129,7 +128,7 @@ void Viewer::Impl::FetchRevision() {
   if (!stored.error.empty()) {
     spdlog::error("viewer_export: revision {}: {}", stored.number, stored.error);
   } else if (stored.status == StoreClient::RevisionStatus::kOk) {
-    model.SetRevision(std::move(stored.revision));
+    if (model.SetRevision(std::move(stored.revision)) && page != nullptr) page->OnRevision(model);
   } else {
     return;
   }
@@ -175,10 +174,10 @@ void Viewer::Impl::ExportIfComplete() {
   if (!options.out.empty()) {
     const auto start = Clock::now();
     ExportOptions exports = options.exports;
-    exports.pictures = PicturesOf(&store, [this] { health.Tick(); });
+    exports.pictures = PicturesOf(&store, [this] { WorkOn(); });
     exports.progress = [this](double share) {
       health.SetState("busy", Format("picture of the ground: %.0f %%", 100 * share));
-      health.Tick();
+      WorkOn();
     };
     const std::vector<std::string> problems = ExportAll(model, TruthOrNull(), options.out, exports);
     health.SetCounter("images", exported_images);
@@ -205,6 +204,7 @@ void Viewer::Impl::CountForHealth() {
 }
 
 const std::string& Viewer::Impl::Stacks() {
+  if (page != nullptr) return page->Stacks();
   if (model.Version() == stacks_version || Clock::now() < next_stacks) return stacks;
   const auto started = Clock::now();
   stacks = DescribeStacks(MakeSnapshot(model));
@@ -217,35 +217,28 @@ const std::string& Viewer::Impl::Stacks() {
 }
 
 void Viewer::Impl::UpdateLivePage() {
-  if (server == nullptr || Clock::now() < next_live || !server->WantsState()) return;
-  UpdateGaps();
-  server->SetState(MakeLiveState(model, live, TruthOrNull(), exported_version == model.Version(), gaps_svg));
-  next_live = Clock::now() + kLiveInterval;
+  if (page == nullptr) return;
+  AskDecisions();
+  page->AnswerOne(model, PicturesOf(&store),
+                  [this](const EdgeDecision& decision) { return store.DecideEdges({decision}, kFetchTimeoutMs); });
+  page->Update(model, exported_version == model.Version());
 }
 
-// Takes longer the larger the map is, so it is done less often then; what the flight itself needs goes first.
-void Viewer::Impl::UpdateGaps() {
-  constexpr auto kInterval = std::chrono::seconds(2);
-  constexpr int kShare = 10;
-  const auto begin = Clock::now();
-  if (begin < next_gaps || gaps_version == model.Version()) return;
-  Snapshot snapshot = MakeSnapshot(model);
-  const std::optional<WorldPlacement> world = PlaceOnEarth(snapshot, options.exports.placement);
-  const bool is_placed = world && world->problem.empty();
-  if (is_placed) PlaceOnEarth(*world, "enu", &snapshot);
-  gaps_svg = MakeGapsSvg(snapshot, FindGaps(snapshot, is_placed ? &*world : nullptr, options.exports.coverage));
-  gaps_version = model.Version();
-  const auto end = Clock::now();
-  next_gaps = end + std::max<Clock::duration>(kInterval, kShare * (end - begin));
+// They are part of what a revision was made from, so with each revision they may have changed.
+void Viewer::Impl::AskDecisions() {
+  if (decided_at == fetched || model.SessionOrder().empty()) return;
+  decided_at = fetched;
+  if (const auto decisions = store.DecideEdges({}, kFetchTimeoutMs)) page->SetDecisions(*decisions);
 }
 
-Viewer::Viewer(const ViewerOptions& options, std::unique_ptr<LiveServer> server, Bus* bus)
-    : impl_(std::make_unique<Impl>(options, std::move(server), bus)) {}
+Viewer::Viewer(const ViewerOptions& options, std::unique_ptr<LivePage> page, Bus* bus)
+    : impl_(std::make_unique<Impl>(options, std::move(page), bus)) {}
 
 Viewer::~Viewer() = default;
 
 void Viewer::Run() {
-  if (impl_->server != nullptr) spdlog::info("viewer_export: live page at {}", impl_->server->Url());
+  LivePage* page = impl_->page.get();
+  if (page != nullptr) spdlog::info("viewer_export: live page at {}", page->Url());
   while (!StopRequested()) {
     impl_->consumer.Spin(50);
     impl_->FetchRevision();
@@ -254,6 +247,7 @@ void Viewer::Run() {
     impl_->health.Tick();
     impl_->UpdateLivePage();
   }
+  if (page != nullptr) page->Stop(impl_->model);
 }
 
 }  // namespace mapmend

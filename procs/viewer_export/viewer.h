@@ -5,19 +5,20 @@
 #include <string>
 
 #include "procs/viewer_export/exporter.h"
+#include "procs/viewer_export/live_page.h"
 
 namespace mapmend {
 
 class Bus;
-class LiveServer;
 
 struct ViewerOptions {
   std::string out;                          // directory of the exports, see PrepareDirectory; empty: none are written
   std::optional<GroundTruth> ground_truth;  // to compare the map with
   EvaluationOptions evaluation;             // how
-  ExportOptions exports;                    // into out
+  PageOptions page;
+  ExportOptions exports;  // into out
 
-  // Not visited: out, ground_truth, exports: of one run, but for what stands below.
+  // Not visited: out, ground_truth, page, exports: of one run, but for what stands below.
   template <typename Visitor>
   void Visit(Visitor& v) {
     v("evaluation", evaluation);
@@ -31,8 +32,8 @@ struct ViewerOptions {
 // merged map is there, and keeps the live page up to date.
 class Viewer {
  public:
-  // server: null for no live page. The bus must outlive the viewer.
-  Viewer(const ViewerOptions& options, std::unique_ptr<LiveServer> server, Bus* bus);
+  // The bus must outlive the viewer. page: null for no live page.
+  Viewer(const ViewerOptions& options, std::unique_ptr<LivePage> page, Bus* bus);
   ~Viewer();
 
   // Runs until StopRequested().

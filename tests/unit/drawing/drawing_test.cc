@@ -1,7 +1,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <set>
+#include <string>
 
 #include "libs/drawing/svg_canvas.h"
 #include "libs/drawing/top_view.h"
@@ -30,6 +34,58 @@ TEST(CategoryColorTest, FortyColoursDiffer) {
     colors.insert(CategoryColor(i));
   }
   EXPECT_EQ(colors.size(), 40u);
+}
+
+// A colour as people without one kind of cones see it: linear RGB, after G. Machado, M. Oliveira, L. Fernandes, "A
+// Physiologically-based Model for Simulation of Color Vision Deficiency", 2009.
+std::array<double, 3> SeenBy(const std::array<std::array<double, 3>, 3>& eyes, const std::string& color) {
+  std::array<double, 3> linear{}, seen{};
+  for (size_t i = 0; i < 3; ++i) {
+    const double v = std::stoi(color.substr(1 + 2 * i, 2), nullptr, 16) / 255.0;
+    linear[i] = v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
+  }
+  for (size_t r = 0; r < 3; ++r) {
+    for (size_t c = 0; c < 3; ++c) seen[r] += eyes[r][c] * linear[c];
+    seen[r] = std::clamp(seen[r], 0.0, 1.0);
+  }
+  return seen;
+}
+
+// CIE 1976 colour difference.
+double Difference(const std::array<double, 3>& a, const std::array<double, 3>& b) {
+  const auto lab = [](const std::array<double, 3>& c) {
+    const auto f = [](double t) { return t > 0.008856 ? std::cbrt(t) : 7.787 * t + 16.0 / 116; };
+    const double x = f((0.4124 * c[0] + 0.3576 * c[1] + 0.1805 * c[2]) / 0.95047),
+                 y = f(0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]),
+                 z = f((0.0193 * c[0] + 0.1192 * c[1] + 0.9505 * c[2]) / 1.08883);
+    return std::array<double, 3>{116 * y - 16, 500 * (x - y), 200 * (y - z)};
+  };
+  const auto p = lab(a), q = lab(b);
+  return std::hypot(p[0] - q[0], p[1] - q[1], p[2] - q[2]);
+}
+
+TEST(CategoryColorTest, TheFirstNineCanBeToldApartWithoutOneKindOfCones) {
+  using Eyes = std::array<std::array<double, 3>, 3>;
+  const Eyes kAll = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+  const Eyes kNoRed = {
+      {{0.152286, 1.052583, -0.204868}, {0.114503, 0.786281, 0.099216}, {-0.003882, -0.048116, 1.051998}}};
+  const Eyes kNoGreen = {
+      {{0.367322, 0.860646, -0.227968}, {0.280085, 0.672501, 0.047413}, {-0.01182, 0.04294, 0.968881}}};
+  const Eyes kNoBlue = {
+      {{1.255528, -0.076749, -0.178779}, {-0.078411, 0.930809, 0.147602}, {0.004733, 0.691367, 0.3039}}};
+  for (const Eyes& eyes : {kAll, kNoRed, kNoGreen, kNoBlue}) {
+    for (int a = 0; a < 9; ++a) {
+      for (int b = 0; b < a; ++b)
+        EXPECT_GT(Difference(SeenBy(eyes, CategoryColor(a)), SeenBy(eyes, CategoryColor(b))), 12) << a << ", " << b;
+    }
+  }
+}
+
+TEST(CategoryColorTest, NumbersOnColoursCanBeRead) {
+  EXPECT_EQ(InkOn("#ffffff"), "#000000");
+  EXPECT_EQ(InkOn("#000000"), "#ffffff");
+  EXPECT_EQ(InkOn("#e69f00"), "#000000");
+  EXPECT_EQ(InkOn("#4b3a8c"), "#ffffff");
 }
 
 TEST(RoundStepTest, IsOneTwoOrFiveTimesAPowerOfTen) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "libs/merging/merging_time.h"
 #include "procs/mapmend/progress.h"
 
 namespace mapmend {

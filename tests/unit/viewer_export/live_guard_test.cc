@@ -4,8 +4,6 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -17,56 +15,16 @@
 #include <thread>
 #include <vector>
 
+#include "procs/viewer_export/live_feed.h"
+#include "procs/viewer_export/live_questions.h"
 #include "procs/viewer_export/live_server.h"
 #include "tests/scratch_folder.h"
+#include "tests/unit/viewer_export/raw_http_client.h"
 
 namespace mapmend {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-// A client that sends what it is told, byte by byte if need be.
-class RawHttpClient {
- public:
-  explicit RawHttpClient(int port, int receive_buffer = 0) : fd_(socket(AF_INET, SOCK_STREAM, 0)) {
-    if (receive_buffer > 0) setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof(receive_buffer));
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(static_cast<uint16_t>(port));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    connected_ = connect(fd_, reinterpret_cast<sockaddr*>(&address), sizeof(address)) == 0;
-    const timeval timeout = {20, 0};
-    setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &timeout, sizeof(timeout));
-  }
-  ~RawHttpClient() { close(fd_); }
-  bool Send(const std::string& text) const {
-    return connected_ && send(fd_, text.data(), text.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(text.size());
-  }
-  // All until the server closes.
-  std::string Receive() const {
-    std::string text;
-    char buffer[65536];
-    for (ssize_t n; (n = recv(fd_, buffer, sizeof(buffer), 0)) > 0;) text.append(buffer, static_cast<size_t>(n));
-    return text;
-  }
-  std::string Ask(const std::string& request) const { return Send(request) ? Receive() : ""; }
-
- private:
-  int fd_;
-  bool connected_ = false;
-};
-
-int FreeTcpPort() {
-  const int probe = socket(AF_INET, SOCK_STREAM, 0);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t size = sizeof(address);
-  EXPECT_EQ(bind(probe, reinterpret_cast<sockaddr*>(&address), size), 0);
-  EXPECT_EQ(getsockname(probe, reinterpret_cast<sockaddr*>(&address), &size), 0);
-  close(probe);
-  return ntohs(address.sin_port);
-}
 
 class LiveGuardTest : public ::testing::Test {
  protected:
@@ -75,8 +33,8 @@ class LiveGuardTest : public ::testing::Test {
     Write("secret", "outside");
     Write("out/summary.json", "{}");
     Write("out/pictures/a.svg", "<svg/>");
-    server_ = std::make_unique<LiveServer>("127.0.0.1", port_, folder_.File("out"));
-    server_->SetState("{}");
+    server_ = std::make_unique<LiveServer>(LiveServerOptions{"127.0.0.1", port_, folder_.File("out"), "", ""}, &feed_,
+                                           &questions_);
   }
   void Write(const std::string& name, const std::string& text) const { std::ofstream(folder_.File(name)) << text; }
   std::string Get(const std::string& path, const std::string& headers = "Host: localhost\r\n") const {
@@ -87,6 +45,8 @@ class LiveGuardTest : public ::testing::Test {
 
   const ScratchFolder folder_;
   const int port_ = FreeTcpPort();
+  LiveFeed feed_;
+  LiveQuestions questions_;
   std::unique_ptr<LiveServer> server_;
 };
 
@@ -128,7 +88,7 @@ TEST_F(LiveGuardTest, OtherSitesCannotAsk) {
   }
   for (const char* host : {"evil.example", "evil.example:8080", "localhost.evil.example", "127.0.0.1.evil.example", "",
                            "localhost@evil.example", "[evil.example]"}) {
-    for (const char* path : {"/", "/state.json", "/files/summary.json", "/report"})
+    for (const char* path : {"/", "/state.json", "/events", "/files/summary.json", "/report"})
       EXPECT_EQ(Status(Get(path, std::string("Host: ") + host + "\r\n")), "HTTP/1.1 403") << host;
   }
   EXPECT_EQ(Status(Get("/state.json", "")), "HTTP/1.1 403");

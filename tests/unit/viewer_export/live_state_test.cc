@@ -1,74 +1,153 @@
 #include "procs/viewer_export/live_state.h"
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
+#include "procs/viewer_export/live_overview.h"
 #include "tests/test_flight.h"
 
 namespace mapmend {
 namespace {
 
-using ::testing::HasSubstr;
+using Json = nlohmann::json;
 
-nlohmann::json State(const MapModel& model, const LiveInputs& inputs = {}) {
-  return nlohmann::json::parse(MakeLiveState(model, inputs, nullptr, false));
+Json Values(const MapModel& model, const LiveInputs& inputs = {}, const LiveRun& run = {},
+            const std::vector<EdgeDecision>& decisions = {}) {
+  LiveFeed feed;
+  PublishState(model, inputs, run, decisions, &feed);
+  return Json::parse(feed.Values());
+}
+
+FramePose Pose(const TestFlight& flight, const std::string& state) {
+  FramePose pose;
+  pose.frame = 5;
+  pose.state = state;
+  pose.num_inliers = 99;
+  if (state == "tracking") pose.submap = flight.Key(0);
+  return pose;
 }
 
 TEST(LiveStateTest, FollowsAFlightFromStartToEnd) {
   const TestFlight flight;
   MapModel model;
-  EXPECT_EQ(State(model)["state"], "waiting");
+  EXPECT_EQ(Values(model)["run"]["state"], "waiting");
   LiveInputs inputs;
-  FramePose pose;
-  pose.submap = flight.Key(0);
-  pose.frame = 5;
-  pose.state = "tracking";
-  pose.num_inliers = 99;
-  inputs.OnFramePose(pose);
+  inputs.OnFramePose(Pose(flight, "tracking"));
   for (size_t i = 0; i < flight.Records().size() / 3; ++i) ASSERT_EQ(model.Apply(flight.Records()[i]), "");
-  nlohmann::json state = State(model, inputs);
-  EXPECT_EQ(state["state"], "tracking");
-  EXPECT_EQ(state["headline"], "Tracking · frame 5");
-  ASSERT_EQ(state["pictures"].size(), 1u);
-  EXPECT_THAT(state["pictures"][0].get<std::string>(), HasSubstr("r=\"5.5\"")) << "the mark of the camera";
-  pose.state = "lost";
-  pose.submap.submap = SubmapId();
-  inputs.OnFramePose(pose);
-  EXPECT_EQ(State(model, inputs)["state"], "lost");
+  Json values = Values(model, inputs);
+  EXPECT_EQ(values["run"]["state"], "tracking");
+  EXPECT_EQ(values["pose"]["submap"], "0:0");
+  EXPECT_EQ(values["submap/0:0"]["number"], 0);
+  EXPECT_FALSE(values["submap/0:0"].contains("place")) << "the merger has not spoken";
+  inputs.OnFramePose(Pose(flight, "lost"));
+  values = Values(model, inputs);
+  EXPECT_EQ(values["run"]["state"], "lost");
+  EXPECT_FALSE(values["pose"].contains("submap"));
   model = MakeModel(flight);
-  EXPECT_EQ(State(model, inputs)["state"], "merging");
+  EXPECT_EQ(Values(model, inputs)["run"]["state"], "merging");
+  EXPECT_FALSE(Values(model, inputs).contains("pose")) << "the flight has ended";
+  LiveRun stored;
+  stored.is_stored = true;
+  EXPECT_EQ(Values(model, inputs, stored)["run"]["state"], "unmerged");
   MapRevision revision = flight.Revision();
   model.SetRevision(revision);
-  state = State(model, inputs);
-  EXPECT_EQ(state["state"], "whole");
-  EXPECT_EQ(state["figures"][0]["value"], "40");
-  EXPECT_THAT(state["graph"].get<std::string>(), HasSubstr("Submap 1"));
-  ASSERT_EQ(state["restoration"].size(), 3u);
-  EXPECT_EQ(state["restoration"][1]["L1"], "A");
-  EXPECT_EQ(state["restoration"][2]["L2"], "B-A");
+  values = Values(model, inputs);
+  EXPECT_EQ(values["run"]["state"], "whole");
+  EXPECT_EQ(values["submap/0:1"]["component"], 0);
+  EXPECT_EQ(values["submap/0:1"]["place"].size(), 8u);
+  EXPECT_TRUE(values["submap/0:0"]["lost"].get<bool>());
   revision.transforms.submaps[1].component = 1;
   revision.transforms.revision++;
   model.SetRevision(revision);
-  state = State(model, inputs);
-  EXPECT_EQ(state["state"], "parts");
-  EXPECT_EQ(state["pictures"].size(), 2u);
+  EXPECT_EQ(Values(model, inputs)["run"]["state"], "parts");
 }
 
-TEST(LiveStateTest, ShowsTheHealthOfEveryProcess) {
+TEST(LiveStateTest, EdgesCarryWhatThePaperCallsThem) {
+  const TestFlight flight;
+  MapModel model = MakeModel(flight);
+  MapRevision revision = flight.Revision();
+  const EvaluatedConnection& connection = revision.connections.at(0);
+  model.SetRevision(revision);
+  const Json values = Values(model, {}, {}, {{connection.b, connection.a, true}});
+  const Json edge = values["edge/0:0|0:1"];
+  ASSERT_TRUE(edge.is_object());
+  EXPECT_EQ(edge["F"], connection.num_connected_frames);
+  EXPECT_EQ(edge["M"], connection.num_common_points);
+  EXPECT_NEAR(edge["theta"].get<double>(), connection.median_angle_deg, 0.05);
+  EXPECT_NEAR(edge["C"].get<double>(), connection.strength, 0.05);
+  EXPECT_EQ(edge["reason"], connection.reason);
+  EXPECT_TRUE(edge["tree"].get<bool>());
+  EXPECT_TRUE(edge["disabled"].get<bool>()) << "a decision names its submaps in either order";
+}
+
+TEST(LiveStateTest, EveryVehicleHasItsFrontend) {
+  LiveInputs inputs;
+  Health health;
+  health.process = "frontend";
+  health.state = "busy";
+  inputs.OnHealth(health);
+  EXPECT_EQ(Values(MapModel(), inputs)["process/frontend"]["state"], "busy");
+  for (const char* session : {"a", "b", "a"}) {
+    health.cursors = {{session, 1}};
+    ++health.pid;  // one is started again
+    health.counters["fps"] = 12.3456;
+    inputs.OnHealth(health);
+  }
+  const Json values = Values(MapModel(), inputs);
+  EXPECT_FALSE(values.contains("process/frontend"));
+  EXPECT_EQ(values["process/frontend/a"]["counters"]["fps"], 12.35);
+  EXPECT_TRUE(values.contains("process/frontend/b"));
+}
+
+TEST(LiveStateTest, SilenceCountsOnlyWhileSomebodyListens) {
   LiveInputs inputs;
   Health health;
   health.process = "merger";
-  health.state = "busy";
-  health.message = "refining";
-  health.counters["connections"] = 3;
   inputs.OnHealth(health);
-  const nlohmann::json process = State(MapModel(), inputs)["processes"][0];
-  EXPECT_EQ(process["name"], "merger");
-  EXPECT_EQ(process["message"], "refining");
-  EXPECT_EQ(process["note"], "connections 3");
-  EXPECT_LT(process["age_s"].get<double>(), 5);
+  inputs.WasDeaf(-std::chrono::seconds(20));  // as if it had been heard long ago
+  EXPECT_EQ(Values(MapModel(), inputs)["process/merger"]["silent_s"], 23);
+  inputs.WasDeaf(std::chrono::seconds(20));
+  EXPECT_EQ(Values(MapModel(), inputs)["process/merger"]["silent_s"], 0);
+}
+
+TEST(LiveOverviewTest, TellsFiguresRestorationFramesAndGaps) {
+  const TestFlight flight;
+  MapModel model = MakeModel(flight);
+  model.SetRevision(flight.Revision());
+  LiveFeed feed;
+  LiveOverview overview({});
+  overview.Publish(model, true, &feed);
+  const Json values = Json::parse(feed.Values());
+  EXPECT_EQ(values["figures"]["frames_tracked"], 40);
+  EXPECT_EQ(values["figures"]["losses"], 1);
+  ASSERT_EQ(values["restoration"].size(), 3u);
+  EXPECT_EQ(values["restoration"][1]["L1"], "A");
+  EXPECT_EQ(values["restoration"][1]["lost"], "0:0");
+  EXPECT_EQ(values["restoration"][2]["L2"], "B-A");
+  EXPECT_EQ(values["restoration"][2]["maps"], Json::parse("[[\"0:1\",\"0:0\"]]"));
+  EXPECT_TRUE(values["gaps"]["ground"].get<bool>());
+  EXPECT_EQ(overview.Stacks(), "L1 –; L2 B-A");
+  // The camera looks straight down: upright, its z axis points down.
+  const Json frame = values["frame/0:0"]["page_from_root"];
+  const Similarity3 page_from_root = SimilarityFromArray(frame.get<std::vector<double>>().data());
+  EXPECT_LT((page_from_root.rotation * Eigen::Vector3d::UnitZ()).z(), -0.99);
+}
+
+TEST(LiveOverviewTest, ALargeMapIsNotWorkedOutAtEveryLook) {
+  const TestFlight flight;
+  MapModel model = MakeModel(flight);
+  LiveFeed feed;
+  OverviewOptions options;
+  options.min_pause = std::chrono::hours(1);
+  LiveOverview overview(options);
+  overview.Publish(model, false, &feed);
+  const int64_t before = feed.Version();
+  model.SetRevision(flight.Revision());
+  overview.Publish(model, false, &feed);
+  EXPECT_EQ(feed.Version(), before);
+  overview.Publish(model, true, &feed);
+  EXPECT_GT(feed.Version(), before) << "but once it is final";
 }
 
 TEST(MapModelTest, TransformsAheadOfTheirRevisionKeepTheConnections) {
