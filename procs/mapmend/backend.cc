@@ -96,7 +96,7 @@ void Backend::StartMergerAndViewer() {
   if (options_.port > 0 && !options_.page_is_stored) {
     bool is_new = false;
     page_token_ = ReadOrMakeToken(options_.out + "/page.token", &is_new);
-    viewer.insert(viewer.end(), {"--token-file", options_.out + "/page.token"});
+    viewer.insert(viewer.end(), {"--page-token-file", options_.out + "/page.token"});
   }
   if (!options_.bind.empty()) viewer.insert(viewer.end(), {"--bind", options_.bind});
   viewer.insert(viewer.end(), options_.export_arguments.begin(), options_.export_arguments.end());

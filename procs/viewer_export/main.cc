@@ -57,7 +57,7 @@ void AddArguments(CLI::App* app, Arguments* arguments) {
       ->capture_default_str();
   app->add_option("--files", arguments->viewer.page.files,
                   "Folder of results that the live page shows (default: --out)");
-  app->add_option("--token-file", arguments->token_file,
+  app->add_option("--page-token-file", arguments->token_file,
                   "File with the secret that who switches connections on the page must know");
   app->add_flag("--stored", arguments->viewer.page.is_stored, "The map is finished: nothing more is expected");
   app->add_option("--report", arguments->report,

@@ -61,7 +61,11 @@ export class Graph {
       onclick: () => this.onEdge(`${e.a}|${e.b}`), onkeydown: event => {
         if (event.key === "Enter" || event.key === " ") event.preventDefault(), this.onEdge(`${e.a}|${e.b}`);
       }}, svg("title", {}, name), svg("path", {d: shape, class: "hit"}), svg("path", {d: shape, "stroke-width": e.tree ? width + 1.5 : width}));
-    if (e.tree) group.append(svg("text", {x: x + reach * 0.75 + 8, y: (top + bottom) / 2 + 4}, edgeText(e)));
+    if (e.tree) {
+      // In two lines where there is no room for one.
+      const lines = room < 330 ? [`F ${e.F} · M ${e.M}`, `θ ${e.theta.toFixed(1)}° · C ${e.C.toFixed(1)}`] : [edgeText(e)], at = {x: x + reach * 0.75 + 8};
+      group.append(svg("text", {y: (top + bottom) / 2 + (lines.length > 1 ? -2 : 4)}, ...lines.map((line, i) => svg("tspan", {...at, dy: i * 13}, line))));
+    }
     return group;
   }
 

@@ -42,7 +42,7 @@ export class Ground {
     if (this.leaflet) return;
     this.leaflet = new LeafletMap(at("ground-map"), {attributionControl: false, maxZoom: 28, zoomSnap: 0.25, preferCanvas: true, zoomAnimation: !this.map.reduceMotion});
     this.leaflet.setView(this.latLng(0, 0), 18);
-    new Control.Scale({imperial: false, metric: true}).addTo(this.leaflet);
+    this.scale = new Control.Scale({imperial: false, metric: true});
     this.layers = new LayerGroup().addTo(this.leaflet);
     this.isFitted = false;
   }
@@ -52,6 +52,8 @@ export class Ground {
     this.open();
     this.leaflet.invalidateSize(false);
     this.drawGround();
+    const isMetric = this.map.frames.get(this.map.rootOf(0)?.key)?.unit === "m";
+    if (isMetric && !this.scale._map) this.scale.addTo(this.leaflet);
     this.layers.clearLayers();
     for (const submap of this.map.byNumber()) {
       if (!submap.isVisible || !submap.target) continue;
@@ -101,8 +103,8 @@ export class Ground {
     const bounds = new LatLngBounds(this.latLng(corner.x, corner.y), this.latLng(end.x, end.y));
     // The picture's own frame may be turned against the page's.
     const turned = Math.abs(alongX.y) > 0.003 * alongX.length();
-    this.overlay = turned ? this.turnedOverlay(corner, alongX, alongY) : new ImageOverlay(this.picture.url, bounds, {alt: "the ground"});
-    this.overlay.addTo(this.leaflet).bringToBack?.();
+    this.overlay = turned ? this.turnedOverlay(corner, alongX, alongY) : new ImageOverlay(this.picture.url, bounds, {alt: "the ground", pane: "tilePane"});
+    this.overlay.addTo(this.leaflet);
   }
 
   // Leaflet places pictures along its axes only: an SVG that holds it with a turn.
@@ -118,7 +120,7 @@ export class Ground {
     image.setAttribute("preserveAspectRatio", "none");
     image.setAttribute("transform", `matrix(${alongX.x} ${-alongX.y} ${alongY.x} ${-alongY.y} ${corner.x - low.x} ${high.y - corner.y})`);
     box.append(image);
-    return new SVGOverlay(box, new LatLngBounds(this.latLng(low.x, low.y), this.latLng(high.x, high.y)));
+    return new SVGOverlay(box, new LatLngBounds(this.latLng(low.x, low.y), this.latLng(high.x, high.y)), {pane: "tilePane"});
   }
 
   fit() {

@@ -33,13 +33,14 @@ export class SoftwareRenderer {
     this.depth = new Float32Array(width * height);
   }
 
-  render(drawables, camera, background) {
+  // isMoving: the next picture will follow at once, so the ground may be coarse.
+  render(drawables, camera, background, isMoving) {
     this.pixels.fill(abgr(background));
     this.depth.fill(Infinity);
     this.near = camera.near * (1 + kNear);
     this.viewProjection.multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
     for (const drawable of drawables) {
-      if (drawable.kind === "picture") this.drawPicture(drawable);
+      if (drawable.kind === "picture") this.drawPicture(drawable, isMoving ? 2 : 1);
       else if (drawable.kind === "points") this.drawPoints(drawable);
       else this.drawLines(drawable);
     }
@@ -117,7 +118,7 @@ export class SoftwareRenderer {
   }
 
   // By the inverse homography, pixel by pixel.
-  drawPicture({pixels: image, corner, alongX, alongY}) {
+  drawPicture({pixels: image, corner, alongX, alongY}, step) {
     const rows = this.rows({matrix: new Matrix4()});
     const column = (v, last) => ["x", "y", "w"].map(k => rows[k][0] * v.x + rows[k][1] * v.y + rows[k][2] * v.z + (last ? rows[k][3] : 0));
     const [a, d, g] = column(alongX, false), [b, e, h] = column(alongY, false), [c, f, i] = column(corner, true);
@@ -128,14 +129,21 @@ export class SoftwareRenderer {
     const [ua, ub, uc, va, vb, vc, wa, wb, wc] = inverse.map(x => x / determinant);
     const {pixels, depth, width, height, near} = this;
     const source = new Uint32Array(image.data.buffer), sw = image.width, sh = image.height;
-    for (let y = 0; y < height; ++y) {
+    for (let y = 0; y < height; y += step) {
       let u = ub * y + uc, v = vb * y + vc, w = wb * y + wc;
-      for (let x = 0, at = y * width; x < width; ++x, ++at, u += ua, v += va, w += wa) {
+      for (let x = 0, at = y * width; x < width; x += step, at += step, u += step * ua, v += step * va, w += step * wa) {
         if (w <= 0) continue;
         const far = 1 / w, s = u * far, t = v * far;
         if (s < 0 || t < 0 || s >= 1 || t >= 1 || far < near) continue;
         const value = source[(t * sh | 0) * sw + (s * sw | 0)];
-        if (value >>> 24 > 127) pixels[at] = value, depth[at] = far * 1.002;  // behind what lies on it
+        if (value >>> 24 <= 127) continue;
+        const behind = far * 1.002;  // what lies on it
+        pixels[at] = value, depth[at] = behind;
+        if (step === 1) continue;
+        pixels[at + 1] = value, depth[at + 1] = behind;
+        if (y + 1 >= height) continue;
+        pixels[at + width] = pixels[at + width + 1] = value;
+        depth[at + width] = depth[at + width + 1] = behind;
       }
     }
   }

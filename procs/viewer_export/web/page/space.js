@@ -9,6 +9,8 @@ import {at, chip, element} from "/page/words.js";
 const kFrustum = 0.018;  // depth of a camera's pyramid, of the map's radius
 const kPickPixels = 14;
 const kMosaicPixels = 1600;
+const kMovingMs = 150;  // pictures that follow each other faster are a movement
+const kManyPoints = 60000;  // more are drawn as single pixels
 
 const hex = color => parseInt(color.slice(1), 16);
 
@@ -34,6 +36,8 @@ export class Space {
     this.picture = null;
     this.frames = 0;
     this.fittedRadius = 0;
+    this.drawnAt = 0;
+    this.wasMoving = false;
     for (const id of ["colour", "show-frusta", "show-points", "show-mosaic"]) at(id).addEventListener("change", () => this.isDirty = true);
     at("fit").addEventListener("click", () => this.fit());
     at("top").addEventListener("click", () => this.fit(true));
@@ -56,7 +60,7 @@ export class Space {
     const direction = fromAbove ? new THREE.Vector3(0, -0.001, 1) : new THREE.Vector3(0.25, -0.75, 0.75).normalize();
     const tangent = Math.tan(this.camera.fov * Math.PI / 360), aspect = Math.min(1, this.camera.aspect);
     this.controls.target.copy(middle);
-    this.camera.position.copy(middle).addScaledVector(direction, 0.95 * radius / (tangent * aspect));
+    this.camera.position.copy(middle).addScaledVector(direction, 0.72 * radius / (tangent * aspect));
     this.fittedRadius = radius;
     this.isFree = fromAbove;
     this.controls.update();
@@ -168,7 +172,7 @@ export class Space {
       return {xyz, count: xyz.length / 3};
     });
     const {matrix} = submap, list = [];
-    if (at("show-points").checked) list.push({kind: "points", id: `points ${submap.key} ${byImage}`, matrix, ...cloud, rgb: byImage ? cloud.rgb : undefined, color, size: 2});
+    if (at("show-points").checked) list.push({kind: "points", id: `points ${submap.key} ${byImage}`, matrix, ...cloud, rgb: byImage ? cloud.rgb : undefined, color, size: this.pointSize});
     if (at("show-frusta").checked) list.push({kind: "lines", id: `frusta ${submap.key}`, matrix, ...pyramids, color});
     list.push({kind: "strip", id: `path ${submap.key}`, matrix, ...path, color, width: 2});
     return list;
@@ -195,8 +199,12 @@ export class Space {
     const {radius} = this.map.extent;
     if (!this.isFree && !this.isFollowing && Number.isFinite(radius) && Math.abs(radius / this.fittedRadius - 1) > 0.15) this.fit();
     if (this.isFollowing) this.follow();
+    const now = performance.now(), isMoving = this.isDirty && now - this.drawnAt < kMovingMs;
+    if (this.wasMoving && !isMoving && now - this.drawnAt >= kMovingMs) this.isDirty = true;  // once more, in full
     if (!this.isDirty) return false;
     this.isDirty = false;
+    this.drawnAt = now;
+    this.wasMoving = isMoving;
     const away = this.camera.position.distanceTo(this.controls.target);
     this.camera.near = Math.max(1e-6, away / 500);
     this.camera.far = away + 20 * Math.max(radius, away);
@@ -205,10 +213,11 @@ export class Space {
     const list = [];
     if (this.picture && at("show-mosaic").checked && this.map.time === Infinity) list.push(this.picture);
     const submaps = this.map.byNumber().filter(s => s.isVisible && s.place);
+    this.pointSize = submaps.reduce((n, s) => n + s.points.count, 0) > kManyPoints ? 1 : 2;
     for (const submap of submaps) list.push(...this.drawablesOf(submap));
     list.push(...this.liveDrawables());
     const background = getComputedStyle(document.documentElement).getPropertyValue("--space").trim();
-    this.renderer.render(list, this.camera, hex(background));
+    this.renderer.render(list, this.camera, hex(background), isMoving);
     this.drawLabels(submaps);
     ++this.frames;
     return true;
