@@ -17,7 +17,7 @@ namespace mapmend {
 // does not depend on how often it asks, and one that asks seldom gets each thing once, in its newest form. Thread-safe.
 //
 // A page sees {"epoch", "from", "to", "set": {name: value}, "gone": [name], "rows": {table: base64}}. A table's rows
-// are little-endian: the row's number (uint32), then its bytes, all rows of a table equally long (docs/protocol.md).
+// are little-endian: the row's number (uint32), then its bytes, all rows of a table equally long (docs/live_page.md).
 class LiveFeed {
  public:
   LiveFeed();

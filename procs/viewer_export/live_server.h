@@ -16,7 +16,7 @@ struct LiveServerOptions {
   std::string javascript;  // folder of Debian's JavaScript packages; empty: /usr/share/javascript
 };
 
-// Serves the live page over HTTP (docs/protocol.md, The live page): the page and what it is made of, /events (what
+// Serves the live page over HTTP (docs/live_page.md): the page and what it is made of, /events (what
 // changes in the feed), pictures, tiles, /report and /files/, and takes decisions on connections. Has threads of its
 // own; feed and questions must outlive it.
 class LiveServer {

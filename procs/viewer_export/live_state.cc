@@ -244,6 +244,9 @@ void PublishPose(const MapModel& model, const FramePose& pose, LiveFeed* feed) {
 
 void PublishProcesses(const MapModel& model, const LiveInputs& inputs, LiveFeed* feed) {
   const auto now = std::chrono::steady_clock::now();
+  std::set<std::string> names;
+  for (const auto& [name, heard] : inputs.HealthOf()) names.insert("process/" + name);
+  feed->KeepOnly("process/", names);
   for (const auto& [name, heard] : inputs.HealthOf()) {
     const Health& health = heard.health;
     std::string vehicle;

@@ -43,7 +43,7 @@ struct LiveRun {
   bool has_stopped = false;  // the viewer is about to end
 };
 
-// The values of the feed that can be told without looking at the whole map (docs/protocol.md, The live page): run,
+// The values of the feed that can be told without looking at the whole map (docs/live_page.md): run,
 // session/N, submap/KEY, edge/KEY|KEY, pose, process/NAME. Equal ones cost nothing on the way.
 //   decisions  of people, on connections
 void PublishState(const MapModel& model, const LiveInputs& inputs, const LiveRun& run,

@@ -1,4 +1,4 @@
-// What the viewer tells: named values, and tables of rows of bytes (docs/protocol.md, The live page). The browser
+// What the viewer tells: named values, and tables of rows of bytes (docs/live_page.md). The browser
 // connects again by itself and says how far it has come; a viewer that was started again has another epoch, and tells
 // all from the beginning.
 

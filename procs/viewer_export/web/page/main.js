@@ -90,7 +90,8 @@ function tellNews(name, value) {
   if (!name.startsWith("submap/") || !value) return;
   const before = map.submaps.get(name.slice(7))?.info;
   if (value.lost && !before?.lost) alarms.show("loss", `Tracking is lost after frame ${value.end_frame ?? "?"}: ${value.detail || readable(value.reason)}`);
-  const wasApart = before && (before.component === undefined || before.root);
+  // A submap that is found in the map at once was never seen apart.
+  const wasApart = !before || before.component === undefined || before.root;
   if (value.component === undefined || value.root || !wasApart) {
     if (before?.component !== undefined && !before.root && value.root && value.component !== before.component)
       alarms.show("note", `Submap ${value.number} is apart again: its connection does not count any more.`);

@@ -72,8 +72,9 @@ function stateOf(p, run, mergingFor) {
     return {kind: "bad", text: `has not been heard for ${duration(p.silent_s)}`};
   }
   if (p.name === "frontend") {
-    const rate = c.fps ? `${c.fps.toFixed(1)} frames/s` : "starts";
-    const left = c.frames_total > 0 && c.fps > 0 && c.frames < c.frames_total ? `, ${duration((c.frames_total - c.frames) / c.fps)} left` : "";
+    if (!c.fps) return {kind: "good", text: "starts"};
+    const rate = `${c.fps.toFixed(1)} frames/s`;
+    const left = c.frames_total > 0 && c.frames < c.frames_total ? `, ${duration((c.frames_total - c.frames) / c.fps)} left` : "";
     const lag = p.queue > 2 ? `, ${plural(p.queue, "frame")} behind` : "";
     return {kind: "good", text: `tracks ${rate}${left}${lag}`};
   }
