@@ -52,13 +52,15 @@ struct LivePage::Impl {
   LiveOverview overview;
   LiveRun run;
   Clock::time_point next;
+  int64_t parts_version = -1;  // of the model, when its parts were last told, with these decisions
+  std::vector<EdgeDecision> parts_decisions;
   LiveServer server;  // uses what stands before it
 };
 
 LivePage::LivePage(const PageOptions& options, const PlacementOptions& placement, const CoverageOptions& coverage)
     : impl_(std::make_unique<Impl>(options, OverviewOptions{placement, coverage, options.files})),
       last_update_(Clock::now()) {
-  PublishState(MapModel(), inputs_, impl_->run, {}, &impl_->feed);
+  PublishState(MapModel(), inputs_, impl_->run, &impl_->feed);
 }
 
 LivePage::~LivePage() = default;
@@ -75,15 +77,21 @@ void LivePage::Update(const MapModel& model, bool exported, bool is_deaf) {
   impl_->next = now + (impl_->server.NumPages() > 0 ? kInterval : kIdleInterval);
   const int64_t before = impl_->feed.Version();
   impl_->run.exported = exported;
-  PublishState(model, inputs_, impl_->run, decisions_, &impl_->feed);
+  PublishState(model, inputs_, impl_->run, &impl_->feed);
+  if (model.Version() != impl_->parts_version || decisions_ != impl_->parts_decisions) {
+    PublishParts(model, decisions_, &impl_->feed);
+    impl_->parts_version = model.Version();
+    impl_->parts_decisions = decisions_;
+  }
   impl_->overview.Publish(model, model.IsComplete(), &impl_->feed);
   impl_->map.Publish(model, &impl_->feed);
   if (impl_->feed.Version() != before) impl_->server.Wake();
 }
 
-void LivePage::Stop(const MapModel& model) {
+void LivePage::Stop(const MapModel& model, bool exported) {
+  impl_->run.exported = exported;
   impl_->run.has_stopped = true;
-  PublishState(model, inputs_, impl_->run, decisions_, &impl_->feed);
+  PublishState(model, inputs_, impl_->run, &impl_->feed);
   impl_->server.Flush();
 }
 

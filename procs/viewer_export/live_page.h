@@ -46,8 +46,8 @@ class LivePage {
   // the middle of long work, and the bus was not listened to since the last time.
   void Update(const MapModel& model, bool exported, bool is_deaf = false);
 
-  // Tells the pages that the viewer ends.
-  void Stop(const MapModel& model);
+  // Tells the pages that the viewer ends; exported as for Update.
+  void Stop(const MapModel& model, bool exported);
 
   // Answers one question of a page.
   //   decide  makes a decision; all decisions, or nothing if the store does not answer

@@ -24,7 +24,7 @@ std::string Text(const Json& json) { return json.dump(-1, ' ', false, Json::erro
 bool IsLost(const Submap& submap) { return submap.ended && submap.end_reason != "end_of_input"; }
 
 struct Counts {
-  int submaps = 0, losses = 0, parts = 0;
+  int submaps = 0, growing = 0, parts = 0;
 };
 
 // Parts as the merger knows them; a submap that it does not know is one of its own.
@@ -35,7 +35,7 @@ Counts Count(const MapModel& model) {
   for (const std::string& id : model.SessionOrder()) {
     for (const auto& [number, submap] : model.GetSession(id).submaps) {
       ++counts.submaps;
-      counts.losses += IsLost(submap) ? 1 : 0;
+      counts.growing += submap.ended ? 0 : 1;
       const SubmapKey key = {id, number};
       const auto place = std::find_if(places.begin(), places.end(), [&](const auto& p) { return p.key == key; });
       if (place == places.end()) {
@@ -72,6 +72,8 @@ Json Headline(const MapModel& model, const FramePose& pose, const LiveRun& run) 
     }
     if (pose.state == "tracking")
       return tell("tracking", "Tracking", std::to_string(pose.num_inliers) + " points support the pose.");
+    // A recording tells no poses.
+    if (pose.frame < 0 && counts.growing > 0) return tell("tracking", "Tracking", "");
     return tell("starting", "Looking for a start", "A map begins as soon as two views show enough depth.");
   }
   if (!model.Revision().transforms.is_final) {
@@ -289,14 +291,16 @@ void LiveInputs::WasDeaf(std::chrono::steady_clock::duration time) {
   for (auto& [name, heard] : health_) heard.arrival += time;
 }
 
-void PublishState(const MapModel& model, const LiveInputs& inputs, const LiveRun& run,
-                  const std::vector<EdgeDecision>& decisions, LiveFeed* feed) {
+void PublishState(const MapModel& model, const LiveInputs& inputs, const LiveRun& run, LiveFeed* feed) {
   PublishRun(model, inputs, run, feed);
+  PublishPose(model, inputs.Pose(), feed);
+  PublishProcesses(model, inputs, feed);
+}
+
+void PublishParts(const MapModel& model, const std::vector<EdgeDecision>& decisions, LiveFeed* feed) {
   PublishSessions(model, feed);
   PublishSubmaps(model, feed);
   PublishEdges(model, decisions, feed);
-  PublishPose(model, inputs.Pose(), feed);
-  PublishProcesses(model, inputs, feed);
 }
 
 }  // namespace mapmend

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "libs/bus/health.h"
 #include "libs/map_view/map_model.h"
@@ -43,10 +44,14 @@ struct LiveRun {
   bool has_stopped = false;  // the viewer is about to end
 };
 
-// The values of the feed that can be told without looking at the whole map (docs/live_page.md): run,
-// session/N, submap/KEY, edge/KEY|KEY, pose, process/NAME. Equal ones cost nothing on the way.
+// The values of the feed that can be told without working out the whole map (docs/live_page.md). Equal ones cost nothing
+// on the way.
+
+// run, pose, process/NAME.
+void PublishState(const MapModel& model, const LiveInputs& inputs, const LiveRun& run, LiveFeed* feed);
+
+// session/N, submap/KEY, edge/KEY|KEY.
 //   decisions  of people, on connections
-void PublishState(const MapModel& model, const LiveInputs& inputs, const LiveRun& run,
-                  const std::vector<EdgeDecision>& decisions, LiveFeed* feed);
+void PublishParts(const MapModel& model, const std::vector<EdgeDecision>& decisions, LiveFeed* feed);
 
 }  // namespace mapmend

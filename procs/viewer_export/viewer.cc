@@ -247,7 +247,7 @@ void Viewer::Run() {
     impl_->health.Tick();
     impl_->UpdateLivePage();
   }
-  if (page != nullptr) page->Stop(impl_->model);
+  if (page != nullptr) page->Stop(impl_->model, impl_->exported_version == impl_->model.Version());
 }
 
 }  // namespace mapmend

@@ -174,10 +174,13 @@ class PageTest(unittest.TestCase):
         """A loss, a merge that moves a submap, and the words for them."""
         wait_for(lambda: self.state()["keyframes"] > 0, "a keyframe while the flight lasts")
         wait_for(lambda: self.state()["submaps"] == 2, "the second submap")
-        wait_for(lambda: "Tracking is lost after frame 73" in self.js("return told.join()"), "the word of the loss")
+        if not self.came_late:
+            wait_for(lambda: "Tracking is lost after frame 73" in self.js("return told.join()"), "the word of the loss")
+        self.assertTrue(self.js("return mapmend.map.byNumber()[0].info.lost"))
         self.shot("1_in_flight")
         wait_for(lambda: self.js("return [...mapmend.map.edges.values()].some(e => e.tree)"), "the merge")
         wait_for(lambda: self.js("return mapmend.map.byNumber().every(s => s.isJoined)"), "one map")
+        wait_for(lambda: self.js("return mapmend.map.byNumber()[1].glides > 0"), "a submap that glides")
         wait_for(lambda: "Submap 1 is joined to submap 0" in self.js("return told.join()"), "the word of the merge")
         self.shot("2_merged")
 
@@ -191,6 +194,8 @@ class PageTest(unittest.TestCase):
         # All that was ever told, whatever is dismissed meanwhile.
         self.js("""window.told = []; new MutationObserver(changes => changes.forEach(c => c.addedNodes.forEach(n => told.push(n.textContent))))
             .observe(document.getElementById("alarms"), {childList: true})""")
+        # On a busy machine the browser may be there only after the loss.
+        self.came_late = self.js("return mapmend.map.byNumber().some(s => s.info.lost)")
         self.look_at_flight(flight)
         self.assertEqual(flight.wait(), 0, flight.text())
         wait_for(lambda: self.state()["run"].get("stopped"), "the word that the run has ended")

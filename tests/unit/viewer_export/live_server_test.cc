@@ -73,7 +73,9 @@ TEST_F(LiveServerTest, EverythingThatThePageImportsIsThere) {
       const std::string path = waiting.back();
       waiting.pop_back();
       if (!seen.insert(path).second || path.starts_with("/lib/")) {
-        if (path.starts_with("/lib/")) EXPECT_NE(FindLibraryFile(path, "/x"), "") << path;
+        if (path.starts_with("/lib/")) {
+          EXPECT_NE(FindLibraryFile(path, "/x"), "") << path;
+        }
         continue;
       }
       const auto file = FindWebFile(path);

@@ -15,7 +15,8 @@ using Json = nlohmann::json;
 Json Values(const MapModel& model, const LiveInputs& inputs = {}, const LiveRun& run = {},
             const std::vector<EdgeDecision>& decisions = {}) {
   LiveFeed feed;
-  PublishState(model, inputs, run, decisions, &feed);
+  PublishState(model, inputs, run, &feed);
+  PublishParts(model, decisions, &feed);
   return Json::parse(feed.Values());
 }
 
