@@ -2,7 +2,7 @@
 import {CRS, GridLayer, ImageOverlay, LatLngBounds, LayerGroup, Map as LeafletMap, Point, Polygon, Polyline, CircleMarker, Control, SVGOverlay}
   from "/lib/leaflet/leaflet.esm.min.js";
 import {Vector3} from "/lib/three/build/three.module.js";
-import {apply} from "/page/similarity.js";
+import {apply, compose, fromArray, inverse} from "/page/similarity.js";
 import {at, element} from "/page/words.js";
 
 // Tiles that this server has; none where it has none.
@@ -24,18 +24,25 @@ export class Ground {
     this.gaps = null;
     this.picture = null;
     this.tiles = null;
+    this.plane = {scale: [1, 1], offset: [0, 0], ground: null};
   }
 
-  // The plane of web maps: where positions are known the tiles lie on the earth, else it is any plane.
-  latLng(x, y) {
-    const {scale, offset} = this.plane;
-    return CRS.EPSG3857.unproject(new Point(x * scale[0] + offset[0], y * scale[1] + offset[1]));
+  // A place of the page on the plane of web maps. Tiles have a ground of their own, which lies on the earth where
+  // positions are known (docs/file_formats.md, Tiles); without tiles the plane is the page's.
+  latLng(x, y, z = 0) {
+    const {scale, offset, ground} = this.plane, p = ground ? apply(ground, new Vector3(x, y, z)) : {x, y};
+    return CRS.EPSG3857.unproject(new Point(p.x * scale[0] + offset[0], p.y * scale[1] + offset[1]));
   }
 
-  get plane() {
-    const m = this.tiles?.metadata ?? {}, numbers = text => (text ?? "").split(/[,\s]+/).filter(Boolean).map(Number);
-    const scale = numbers(m.mapmend_scale), offset = numbers(m.mapmend_offset);
-    return scale.length === 2 && offset.length === 2 ? {scale, offset} : {scale: [1, 1], offset: [0, 0]};
+  // Worked out once for each state of tiles and map.
+  updatePlane() {
+    this.plane = {scale: [1, 1], offset: [0, 0], ground: null};
+    const m = this.tiles?.metadata, root = this.map.rootOf(0), frame = root && this.map.frames.get(root.key);
+    if (!m?.tiles_from_ground || !frame) return;
+    const numbers = m.tiles_from_ground.split(/[,\s]+/).filter(Boolean).map(Number), main = JSON.parse(m.components ?? "[]")[0];
+    if (numbers.length !== 4 || !main?.ground_from_map) return;
+    this.plane = {scale: numbers.slice(0, 2), offset: numbers.slice(2),
+      ground: compose(fromArray(main.ground_from_map), inverse(fromArray(frame.page_from_root)))};
   }
 
   open() {
@@ -49,7 +56,10 @@ export class Ground {
 
   draw(isVisible) {
     if (!isVisible || !this.map.mainExtent) return;
+    const before = JSON.stringify([this.plane.scale, this.plane.offset]);
+    this.updatePlane();
     this.open();
+    if (JSON.stringify([this.plane.scale, this.plane.offset]) !== before) this.isFitted = false;
     this.leaflet.invalidateSize(false);
     this.drawGround();
     const isMetric = this.map.frames.get(this.map.rootOf(0)?.key)?.unit === "m";
@@ -60,7 +70,7 @@ export class Ground {
       const path = this.map.pathOf(submap, this.map.secondsInto(submap, this.map.time)), line = [], v = new Vector3();
       for (let i = 0; i < path.length; i += 3) {
         const p = apply(submap.target, v.set(path[i], path[i + 1], path[i + 2]));
-        line.push(this.latLng(p.x, p.y));
+        line.push(this.latLng(p.x, p.y, p.z));
       }
       if (line.length === 0) continue;
       new Polyline(line, {color: submap.info.color, weight: 3, dashArray: submap.isJoined ? null : "6 5"}).bindTooltip(`Submap ${submap.info.number}${submap.isJoined ? "" : ", apart"}`, {sticky: true}).addTo(this.layers);
@@ -68,7 +78,7 @@ export class Ground {
     }
     this.drawGaps();
     const live = this.map.livePose();
-    if (live) new CircleMarker(this.latLng(live.center.x, live.center.y), {radius: 7, color: "#000", weight: 2, fillColor: "#fff", fillOpacity: 1}).bindTooltip("live", {permanent: true, direction: "right"}).addTo(this.layers);
+    if (live) new CircleMarker(this.latLng(live.center.x, live.center.y, live.center.z), {radius: 7, color: "#000", weight: 2, fillColor: "#fff", fillOpacity: 1}).bindTooltip("live", {permanent: true, direction: "right"}).addTo(this.layers);
     if (!this.isFitted) this.fit();
   }
 
@@ -77,7 +87,7 @@ export class Ground {
     for (let i = 0; i < count; ++i) {
       if (!keyframes.shown[i]) continue;
       const {center} = this.map.cameraOnPage({place: submap.target}, keyframes.pose.subarray(7 * i, 7 * i + 7));
-      new CircleMarker(this.latLng(center.x, center.y), {radius: 3, weight: 0, fillColor: submap.info.color, fillOpacity: 1})
+      new CircleMarker(this.latLng(center.x, center.y, center.z), {radius: 3, weight: 0, fillColor: submap.info.color, fillOpacity: 1})
         .on("click", () => this.onKeyframe(submap, i)).addTo(this.layers);
     }
   }

@@ -12,6 +12,11 @@ export function compose(a, b) {
   return {s: a.s * b.s, q: a.q.clone().multiply(b.q), t: apply(a, b.t)};
 }
 
+export function inverse(x) {
+  const q = x.q.clone().inverse();
+  return {s: 1 / x.s, q, t: x.t.clone().applyQuaternion(q).multiplyScalar(-1 / x.s)};
+}
+
 export const toMatrix = (x, matrix = new Matrix4()) => matrix.compose(x.t, x.q, new Vector3(x.s, x.s, x.s));
 
 export function between(a, b, share) {
