@@ -125,7 +125,8 @@ void GeoTiffWriter::Write(const cv::Mat& color, const cv::Mat& mask, const cv::R
 void GeoTiffWriter::Finish(const std::string& overlay) {
   impl_->dataset.reset();
   const RawFile raw{RawPath(impl_->path)};
-  if (!overlay.empty()) Translate(raw.path, overlay, {"-of", "KMLSUPEROVERLAY", "-co", "FORMAT=AUTO"});
+  if (!overlay.empty())
+    Translate(raw.path, overlay, {"-of", "KMLSUPEROVERLAY", "-co", "FORMAT=AUTO", "-co", "NAME=mosaic"});
   Optimize(impl_->path, {"-b", "1", "-b", "2", "-b", "3", "-mask", "4", "-co", "COMPRESS=JPEG", "-co", "QUALITY=90"});
 }
 

@@ -30,6 +30,7 @@ constexpr auto kAskInterval = std::chrono::milliseconds(700);
 constexpr auto kWorkTime = std::chrono::milliseconds(250);  // until the bus has its turn
 constexpr auto kPatience = std::chrono::seconds(4);         // for images that do not come, once all else is there
 constexpr int kImagesAtOnce = 4;
+constexpr auto kMostWithoutDrawing = std::chrono::seconds(2);
 constexpr int kNiceness = 10;  // tracking and merging go first
 
 struct StoreIsSilent : std::runtime_error {
@@ -152,6 +153,9 @@ class MosaicLoop {
     std::map<int, cv::Mat> read = images_.Read(snapshot, kImagesAtOnce);
     has_more_images_ = static_cast<int>(read.size()) == kImagesAtOnce;
     for (auto& [id, pixels] : read) tiles_.Keep(id, std::move(pixels));
+    // Whoever has much to read, after a start, draws now and then only.
+    if (has_more_images_ && begin - drawn_at_ < kMostWithoutDrawing) return;
+    drawn_at_ = begin;
     is_final_ = is_final && read.empty();
     tiles_.SetScene(scene_.Make(snapshot, images_, is_final_), scene_.Focus(), is_final_);
     TileFile::Changes changes;
@@ -161,9 +165,9 @@ class MosaicLoop {
     metadata_ = std::move(changes.metadata);
     const auto end = Clock::now();
     const auto pause = std::chrono::duration_cast<Clock::duration>(options_.pause_share * (end - begin));
-    const auto least = std::chrono::duration_cast<Clock::duration>(
-        std::chrono::duration<double>(has_more_images_ ? 0 : options_.min_interval_s));
-    next_look_ = end + std::max(pause, least);
+    const auto least =
+        std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(options_.min_interval_s));
+    if (!has_more_images_) next_look_ = end + std::max(pause, least);
   }
 
   void Report() {
@@ -202,7 +206,7 @@ class MosaicLoop {
   int num_stored_ = -1, num_awaited_ = 0, stored_at_look_ = -1;
   bool has_more_images_ = false, is_final_ = false;
   std::map<std::string, std::string> metadata_;
-  Clock::time_point next_revision_, next_images_, next_look_, images_changed_at_;
+  Clock::time_point next_revision_, next_images_, next_look_, images_changed_at_, drawn_at_;
 };
 
 // Tiles can be made again: a file that cannot be read is kept beside, and a new one begun.
