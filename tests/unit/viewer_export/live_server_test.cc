@@ -2,9 +2,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <httplib.h>
 
 #include <atomic>
+#include <cstdlib>
 #include <memory>
 #include <set>
 #include <string>
@@ -32,12 +32,23 @@ class LiveServerTest : public ::testing::Test {
     server_ = std::make_unique<LiveServer>(LiveServerOptions{"127.0.0.1", port_, folder_.Path(), token, ""}, &feed_,
                                            &questions_);
   }
-  httplib::Result Get(const std::string& path) const { return httplib::Client("127.0.0.1", port_).Get(path); }
+  struct Answer {
+    int status = 0;
+    std::string head, body;
+  };
+  // Debian's httplib::Client has another size in the library than in a program without OpenSSL.
+  Answer Ask(const std::string& request) const {
+    const std::string text = RawHttpClient(port_).Ask(request + "\r\n\r\n");
+    const size_t end = text.find("\r\n\r\n");
+    if (end == std::string::npos) return {};
+    return {std::atoi(text.c_str() + text.find(' ')), text.substr(0, end), text.substr(end + 4)};
+  }
+  Answer Get(const std::string& path) const { return Ask("GET " + path + " HTTP/1.1\r\nHost: localhost"); }
   // The answer to a decision with this token.
   int Decide(const std::string& token, const std::string& disabled = "1") const {
-    return httplib::Client("127.0.0.1", port_)
-        .Post("/edge?a=0:0&b=0:1&disabled=" + disabled, {{"X-Mapmend-Token", token}}, "", "text/plain")
-        ->status;
+    return Ask("POST /edge?a=0:0&b=0:1&disabled=" + disabled +
+               " HTTP/1.1\r\nHost: localhost\r\nContent-Length: 0\r\nX-Mapmend-Token: " + token)
+        .status;
   }
 
   const ScratchFolder folder_;
@@ -50,19 +61,17 @@ class LiveServerTest : public ::testing::Test {
 TEST_F(LiveServerTest, ServesThePageAndNothingOfOthers) {
   Start();
   const auto page = Get("/");
-  ASSERT_TRUE(page);
-  EXPECT_THAT(page->body, HasSubstr("<title>mapmend</title>"));
-  EXPECT_THAT(page->get_header_value("Content-Security-Policy"), HasSubstr("default-src 'none'; script-src 'self'"));
-  EXPECT_THAT(page->get_header_value("Content-Security-Policy"), Not(HasSubstr("unsafe")));
+  EXPECT_THAT(page.body, HasSubstr("<title>mapmend</title>"));
+  EXPECT_THAT(page.head, HasSubstr("default-src 'none'; script-src 'self'"));
+  EXPECT_THAT(page.head, Not(HasSubstr("unsafe")));
   for (const char* file : {"/page/main.js", "/page/style.css", "/page/icon.svg"}) {
     const auto answer = Get(file);
-    ASSERT_TRUE(answer);
-    EXPECT_EQ(answer->status, 200) << file;
+    EXPECT_EQ(answer.status, 200) << file;
     for (const char* external : {"https://", "url(http", "import(\"http"})
-      EXPECT_EQ(answer->body.find(external), std::string::npos) << file;
+      EXPECT_EQ(answer.body.find(external), std::string::npos) << file;
   }
   for (const char* none : {"/page/", "/page/missing.js", "/page/../live_server.cc", "/lib/", "/lib/three/README.md"})
-    EXPECT_EQ(Get(none)->status, 404) << none;
+    EXPECT_EQ(Get(none).status, 404) << none;
 }
 
 TEST_F(LiveServerTest, EverythingThatThePageImportsIsThere) {
@@ -97,17 +106,17 @@ TEST_F(LiveServerTest, EverythingThatThePageImportsIsThere) {
 TEST_F(LiveServerTest, ServesValuesReportAndFiles) {
   Start();
   feed_.Set("run", "{\"state\":\"waiting\"}");
-  EXPECT_EQ(Get("/state.json")->body, "{\"run\":{\"state\":\"waiting\"}}");
-  EXPECT_EQ(Get("/report")->status, 404);
+  EXPECT_EQ(Get("/state.json").body, "{\"run\":{\"state\":\"waiting\"}}");
+  EXPECT_EQ(Get("/report").status, 404);
   WriteFile(folder_.File("report.html"), "<p>done</p>");
   WriteFile(folder_.File("summary.json"), "{}");
   const auto report = Get("/report");
-  EXPECT_EQ(report->body, "<p>done</p>");
-  EXPECT_THAT(report->get_header_value("Content-Security-Policy"), Not(HasSubstr("script")));
+  EXPECT_EQ(report.body, "<p>done</p>");
+  EXPECT_THAT(report.head, Not(HasSubstr("script-src")));
   const auto file = Get("/files/summary.json");
-  EXPECT_EQ(file->body, "{}");
-  EXPECT_THAT(file->get_header_value("Content-Security-Policy"), HasSubstr("sandbox"));
-  EXPECT_EQ(Get("/files/../../etc/passwd")->status, 404);
+  EXPECT_EQ(file.body, "{}");
+  EXPECT_THAT(file.head, HasSubstr("sandbox"));
+  EXPECT_EQ(Get("/files/../../etc/passwd").status, 404);
 }
 
 TEST_F(LiveServerTest, StreamsWhatChangesFromWhereThePageIs) {
@@ -139,7 +148,7 @@ TEST_F(LiveServerTest, ManyIdleAndSlowPagesKeepNobodyOut) {
     slow.push_back(std::make_unique<RawHttpClient>(port_, 4096));
     ASSERT_TRUE(slow.back()->Send("GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n"));
   }
-  EXPECT_EQ(Get("/page/main.js")->status, 200);
+  EXPECT_EQ(Get("/page/main.js").status, 200);
   const RawHttpClient reader(port_);
   ASSERT_TRUE(reader.Send("GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n"));
   const std::string text = reader.ReceiveUntil("\"to\":100000,");
@@ -187,7 +196,7 @@ TEST_F(LiveServerTest, TooManyQuestionsAreRefusedAtOnce) {
   for (int i = 0; i < 12; ++i) {
     askers.emplace_back([&] {
       const auto answer = Get("/edge.jpg?a=0:0&b=0:1");
-      if (answer && answer->status == 503) ++refused;
+      if (answer.status == 503) ++refused;
     });
   }
   while (refused < 6) std::this_thread::sleep_for(std::chrono::milliseconds(5));
