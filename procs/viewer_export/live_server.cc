@@ -117,6 +117,10 @@ void LiveServer::Impl::AnswerGet(const httplib::Request& request, httplib::Respo
       return Refuse(404, "There is no such library: install libjs-three and libjs-leaflet.\n", response);
     return response->set_content(ReadFile(library), ContentType(path));
   }
+  if (path == "/favicon.ico") {  // some ask for it whatever the page says
+    response->status = 204;
+    return;
+  }
   if (path == "/events") return Stream(request, response);
   if (path == "/state.json") return response->set_content(feed->Values(), "application/json");
   if (path == "/edge.jpg" || path == "/keyframe.jpg") return AnswerWithPicture(request, response);

@@ -44,8 +44,8 @@ struct LiveRun {
   bool has_stopped = false;  // the viewer is about to end
 };
 
-// The values of the feed that can be told without working out the whole map (docs/live_page.md). Equal ones cost nothing
-// on the way.
+// The values of the feed that can be told without working out the whole map (docs/live_page.md). Equal ones cost
+// nothing on the way.
 
 // run, pose, process/NAME.
 void PublishState(const MapModel& model, const LiveInputs& inputs, const LiveRun& run, LiveFeed* feed);
