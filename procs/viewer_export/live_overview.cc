@@ -132,7 +132,7 @@ void PublishFrames(const GapReport& gaps, Snapshot placed, Similarity3* main_fra
     const bool has_gaps = gaps.has_ground && !gaps.is_placed && c == 0;
     if (has_gaps) {
       frame = "level";
-      page_from_root = Similarity3(1, gaps.level_from_world, Eigen::Vector3d::Zero());
+      page_from_root = Similarity3(gaps.level_from_world);
     } else if (!component.frame.is_z_up) {
       PlaceLevel(c, &placed);
       frame = component.frame.name;
