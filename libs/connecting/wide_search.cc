@@ -134,8 +134,9 @@ bool WideSearch::Verify(const SideKey& a, const SideKey& b, ConnectionGraph* gra
   const auto agrees = [&](const Similarity3& b_from_a) {
     return is_known && Agrees(*sessions_, known->second, b_from_a, options_.max_disagreement_px);
   };
-  WideConnection connection = VerifyWideConnection(
-      in_older, in_younger, TravelTime(older.submap, in_older, younger.submap, in_younger), options_.connection, agrees);
+  WideConnection connection =
+      VerifyWideConnection(in_older, in_younger, TravelTime(older.submap, in_older, younger.submap, in_younger),
+                           options_.connection, agrees);
   ++num_verified_;
   progress_();
   // What is known already is only put in the place of what agrees with it.
