@@ -73,7 +73,8 @@ TEST_F(ExporterTest, ASplitMapIsWrittenWithAllItsFiles) {
   EXPECT_EQ(summary["restoration"][2]["L2_letters"], "B-A");
   EXPECT_EQ(summary["restoration"][3]["L1_letters"], "B-A");
   EXPECT_EQ(summary["restoration"][3]["L2_letters"], "C");
-  EXPECT_THAT(Read("report.html"), HasSubstr("<td class=\"text\">B-A</td><td class=\"text\">C</td>"));
+  EXPECT_THAT(Read("report.html"),
+              HasSubstr(">B-A</td><td class=\"text\" data-label=\"Map being tracked (L2)\">C</td>"));
   EXPECT_EQ(summary["frames_in"], 75);
   EXPECT_EQ(summary["frames_tracked"], 60);
   EXPECT_EQ(summary["frames_in_main"], 40);
@@ -231,7 +232,9 @@ TEST_F(ExporterTest, ReportIsRebuiltWithWhatTheLauncherAdds) {
   const std::string report = Read("report.html");
   EXPECT_THAT(report, HasSubstr("12.3 s"));
   EXPECT_THAT(report, HasSubstr("7.2 ms"));
-  EXPECT_THAT(report, HasSubstr("<td class=\"text\">merger</td><td>3.5 s</td><td>120 MB</td>"));
+  EXPECT_THAT(
+      report,
+      HasSubstr(">merger</td><td data-label=\"CPU time\">3.5 s</td><td data-label=\"Peak memory\">120 MB</td>"));
 }
 
 TEST_F(ExporterTest, ReportStandsAloneAndEscapesWhatItQuotes) {
