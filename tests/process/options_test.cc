@@ -101,7 +101,7 @@ TEST_F(OptionsProcessTest, WhatIsPrintedIsAFileOfTheDefaults) {
   const CommandResult all = Call("mapmend", {"options"});
   ASSERT_EQ(all.exit_code, 0) << all.output;
   const std::string file = Write("all.yaml", all.output);
-  ASSERT_EQ(Processes().size(), 5u);
+  ASSERT_EQ(Processes().size(), 6u);
   for (const std::string& process : Processes()) {
     EXPECT_THAT("\n" + all.output, HasSubstr("\n" + process + ":\n")) << process;
     const CommandResult changes = Call(process, {"--config", file, "--print-changes"});
@@ -158,7 +158,7 @@ TEST_F(OptionsProcessTest, AMistakeEndsARunBeforeAnythingIsStarted) {
                                   "merger.graph.max_evidence?");
   ExpectMistake(Call("mapmend", {"merge", folder_ / "none", "--set", "frontend.max_lost_frames=3"}),
                 "mapmend: --set frontend.max_lost_frames=3: begins with no process of this command (hub, "
-                "submap_store, merger, viewer_export, mapmend)");
+                "submap_store, merger, viewer_export, mosaic, mapmend)");
 }
 
 TEST_F(OptionsProcessTest, AFlightTellsItsOptionsAndIsNamedAfterThem) {
