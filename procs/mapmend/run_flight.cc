@@ -201,7 +201,9 @@ bool AllFinished(const Backend& backend, const std::vector<StoredSession>& sessi
                      [&](const auto& session) { return backend.IsFinished(session.id, session.last_seq); });
 }
 
-void WaitForMap(double num_keyframes, Backend* backend, Progress* progress, FlightEnd* flight_end) {
+// Returns the sessions that the map holds.
+std::vector<StoredSession> WaitForMap(double num_keyframes, Backend* backend, Progress* progress,
+                                      FlightEnd* flight_end) {
   backend->HurryRestarts();
   const auto since = Clock::now();
   const double estimate_s = EstimateMergingSeconds(num_keyframes, 1);
@@ -213,6 +215,7 @@ void WaitForMap(double num_keyframes, Backend* backend, Progress* progress, Flig
                                    std::chrono::duration<double>(Clock::now() - since).count()));
     flight_end->Tick(50);
   }
+  return sessions;
 }
 
 // What the last lines and the exit code say.
@@ -322,11 +325,11 @@ class MappedFlight {
   // Waits until the map is made, the images are there and the recording holds what was said.
   ImageFigures FinishMap() {
     ImageDelivery images(&backend_, SpoolPathFor(options_.out + "/outbox"), SessionNames(backend_.bus()));
-    WaitForMap(CounterOr(&frontend_, "keyframes", 0), &backend_, progress_, &flight_end_);
+    const std::vector<StoredSession> sessions =
+        WaitForMap(CounterOr(&frontend_, "keyframes", 0), &backend_, progress_, &flight_end_);
     const ImageFigures figures =
         images.Finish([this] { flight_end_.Tick(50); }, [this](const std::string& line) { progress_->Show(line); });
     // Images that came last.
-    const auto sessions = ListSessions(backend_.bus());
     while (!AllFinished(backend_, sessions)) flight_end_.Tick(50);
     if (recorder_) recorder_->Finish();
     return figures;
