@@ -73,8 +73,8 @@ TEST_F(BundledFlight, TellsWhatItCost) {
     EXPECT_GT(process.at("cpu_s").get<double>(), 0) << names.back();
     EXPECT_GT(process.at("peak_rss_mb").get<double>(), 1) << names.back();
   }
-  EXPECT_EQ(names,
-            (std::vector<std::string>{"hub", "submap_store", "merger", "viewer_export", "lcm-logger", "frontend"}));
+  EXPECT_EQ(names, (std::vector<std::string>{"hub", "submap_store", "merger", "mosaic", "viewer_export", "lcm-logger",
+                                             "frontend"}));
 }
 
 TEST_F(BundledFlight, WritesEveryFileThatOthersRelyOn) {
