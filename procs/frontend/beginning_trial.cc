@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
+#include "libs/base/median.h"
 #include "libs/geometry/triangulation.h"
 
 namespace mapmend {
@@ -11,19 +13,13 @@ namespace {
 
 constexpr KeyframeIndex kFirst(0);
 
-double Median(std::vector<double>* values) {
-  const auto middle = values->begin() + static_cast<long>(values->size() / 2);
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
-
 // Median angle between the rays from two places to points; 0 without points.
 double MedianAngle(const std::vector<Eigen::Vector3d>& points, const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   std::vector<double> angles;
   angles.reserve(points.size());
   for (const Eigen::Vector3d& x : points)
     angles.push_back(std::acos(std::clamp(CosIntersectionAngle(x, a, b), -1.0, 1.0)));
-  return angles.empty() ? 0 : Median(&angles);
+  return Median(std::move(angles));
 }
 
 // Shift of the image from one frame to the next, of its width.
@@ -35,7 +31,7 @@ double StepOf(const Initialization& initialization, int width) {
                          .norm());
   }
   if (shifts.empty()) return std::numeric_limits<double>::infinity();
-  return Median(&shifts) / width / std::max(1, initialization.second->index - initialization.first->index);
+  return Median(std::move(shifts)) / width / std::max(1, initialization.second->index - initialization.first->index);
 }
 
 }  // namespace
@@ -72,12 +68,12 @@ bool BeginningTrial::Contradicts(const Initialization& wider, const Rigid3& cam_
     if (!known.IsNone()) scales.push_back((first.cam_from_submap * map.Point(known).position).z() / p.position.z());
   }
   if (static_cast<int>(scales.size()) < options_.min_in_sight) return false;
-  const double scale = Median(&scales);
+  const double scale = Median(scales);
   if (!(scale > 0)) return true;
   std::vector<double> errors;
   errors.reserve(scales.size());
   for (const double s : scales) errors.push_back(std::abs(s / scale - 1));
-  if (Median(&errors) > options_.max_depth_error) return true;
+  if (Median(std::move(errors)) > options_.max_depth_error) return true;
   const Eigen::Vector3d by_map = (cam_from_submap * first.cam_from_submap.Inverse()).Center() / scale,
                         by_wider = wider.second_from_first.Center();
   return (by_map - by_wider).norm() > options_.max_place_error * by_wider.norm();

@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include "libs/base/median.h"
 #include "libs/optim/bundle_adjustment.h"
 #include "procs/frontend/profiler.h"
 #include "procs/frontend/submap_starter.h"
@@ -16,12 +17,6 @@ constexpr int kEarliest = 5;               // keyframes: with fewer everything f
 constexpr size_t kMaxPartners = 40;        // that are tried for a beginning with one frame
 constexpr double kMinShareOfPoints = 0.5;  // that a wider beginning must have, of the best one with that frame
 constexpr int kMaxTrialShare = 3;          // of the frames, one in so many may be no beginning
-
-double Median(std::vector<double>* values) {
-  const auto middle = values->begin() + static_cast<long>(values->size() / 2);
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
 
 // Keyframes that have their features, the newest image first.
 std::vector<KeyframeIndex> NewestFirst(const WorkingMap& map) {
@@ -47,7 +42,7 @@ std::optional<double> ScaleAt(const WorkingMap& map, KeyframeIndex keyframe, con
                  depth_other = (l.cam_from_submap * other.Point(l.points[f]).position).z();
     if (depth > 0 && depth_other > 0) ratios.push_back(depth / depth_other);
   }
-  return ratios.empty() ? std::nullopt : std::optional(Median(&ratios));
+  return ratios.empty() ? std::nullopt : std::optional(Median(std::move(ratios)));
 }
 
 Rigid3 Scaled(Rigid3 pose, double scale) {
@@ -69,7 +64,7 @@ double SecondOpinion::Misfit(const WorkingMap& map, int* num_observations) const
     }
   }
   *num_observations = static_cast<int>(errors.size());
-  return errors.empty() ? 0 : Median(&errors);
+  return Median(std::move(errors));
 }
 
 bool SecondOpinion::IsDoubted(double misfit) {
