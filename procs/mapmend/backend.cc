@@ -88,7 +88,8 @@ void Backend::StartMergerAndViewer() {
   }
   // Before the viewer, which reads what it writes, so that it is stopped after it.
   if (options_.with_mosaic)
-    StartProcess("mosaic", {FindProgram("mosaic"), "--out", options_.out + "/mosaic.mbtiles"}, OnExit::kRestart, true);
+    StartProcess("mosaic", {FindProgram("mosaic"), "--out", options_.out + "/mosaic.mbtiles"}, OnExit::kRestart,
+                 Need::kExtra);
   std::vector<std::string> viewer = {FindProgram("viewer_export"), "--port", std::to_string(options_.port)};
   if (!options_.page_is_stored) viewer.insert(viewer.end(), {"--out", options_.out});
   if (options_.page_is_stored) viewer.emplace_back("--stored");
@@ -104,7 +105,7 @@ void Backend::StartMergerAndViewer() {
     viewer.insert(viewer.end(), {"--groundtruth", std::filesystem::absolute(options_.groundtruth).string()});
     viewer.insert(viewer.end(), options_.groundtruth_arguments.begin(), options_.groundtruth_arguments.end());
   }
-  if (options_.with_viewer) StartProcess("viewer_export", viewer, OnExit::kRestart, true);
+  if (options_.with_viewer) StartProcess("viewer_export", viewer, OnExit::kRestart, Need::kStart);
   if (options_.with_merger) WaitUntilReady("merger");
   if (options_.with_viewer) WaitUntilReady("viewer_export");
 }
@@ -159,12 +160,12 @@ void Backend::RefuseSecondStore() {
   }
 }
 
-void Backend::StartProcess(const std::string& name, std::vector<std::string> argv, OnExit on_exit, bool is_optional) {
+void Backend::StartProcess(const std::string& name, std::vector<std::string> argv, OnExit on_exit, Need need) {
   const std::vector<std::string> settings = options_.settings.Arguments(name);
   argv.insert(argv.end(), settings.begin(), settings.end());
   argv.insert(argv.end(), {"--lcm-url", url_, "--log-level", options_.log_level});
   if (!options_.channel_prefix.empty()) argv.insert(argv.end(), {"--channel-prefix", options_.channel_prefix});
-  supervisor_.Start({name, argv, on_exit, is_optional});
+  supervisor_.Start({name, argv, on_exit, need});
 }
 
 void Backend::WaitUntilReady(const std::string& name) {

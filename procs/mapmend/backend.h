@@ -68,7 +68,8 @@ class Backend {
   void Tick(int timeout_ms);
   // Starts one more process on the same bus: argv gets its settings, --lcm-url, --channel-prefix and
   // --log-level added.
-  void StartProcess(const std::string& name, std::vector<std::string> argv, OnExit on_exit, bool is_optional = false);
+  void StartProcess(const std::string& name, std::vector<std::string> argv, OnExit on_exit,
+                    Need need = Need::kEssential);
   // True once merger, viewer and mosaic (those of them that were started) have finished the whole of a session. A
   // viewer or mosaic that keeps failing is not waited for. Throws std::runtime_error if the merger keeps failing.
   //   last_seq  its last record, -1 if unknown

@@ -112,8 +112,8 @@ void Supervisor::OnEnd(Entry* entry, const ExitStatus& status) {
   const std::string line = FindErrorLine(LogPath(spec.name), spec.name, entry->log_start);
   const std::string why = line.empty() || status.signal != 0 ? spec.name + " ended with " + status.Describe() : line;
   const bool is_for_good = status.signal == 0 && status.code == kExitForGood;
-  if (is_for_good || (!entry->was_ready && !was_killed && spec.on_exit == OnExit::kRestart))
-    throw std::runtime_error(why);
+  const bool cannot_start = !entry->was_ready && !was_killed && spec.on_exit == OnExit::kRestart;
+  if (is_for_good || (cannot_start && spec.need != Need::kExtra)) throw std::runtime_error(why);
   PlanRestart(entry, why);
 }
 
@@ -123,7 +123,8 @@ void Supervisor::PlanRestart(Entry* entry, const std::string& why) {
   int backoff = options_.first_backoff_ms;
   for (int i = 1; i < entry->num_quick && backoff < options_.max_backoff_ms; ++i) backoff *= 2;
   backoff = std::min(backoff, options_.max_backoff_ms);
-  if (entry->num_quick > options_.max_quick_restarts && entry->spec.is_optional) backoff = options_.optional_backoff_ms;
+  if (entry->num_quick > options_.max_quick_restarts && entry->spec.need != Need::kEssential)
+    backoff = options_.optional_backoff_ms;
   entry->restart_at = Clock::now() + milliseconds(backoff);
   // Once, then only when it does not end: a process that is killed time and again must not fill the screen.
   if (is_first) notices_.push_back(why + "; it is started again");

@@ -15,6 +15,13 @@
 // Starts, watches, restarts and stops the processes of one run.
 namespace mapmend {
 
+// How much depends on a process.
+enum class Need {
+  kEssential,  // no flight without it
+  kStart,      // the flight goes on without it, but it must have started once: longer pauses once it keeps ending
+  kExtra,      // the flight goes on without it, whether it starts or not
+};
+
 // What to do when a process ends although nobody asked it to.
 enum class OnExit {
   kRestart,  // start it again, with back-off: it recovers its state from the store
@@ -26,7 +33,7 @@ struct ProcessSpec {
   std::string name;               // also the name of its log file
   std::vector<std::string> argv;  // argv[0] is a full path
   OnExit on_exit = OnExit::kRestart;
-  bool is_optional = false;  // the flight goes on without it: longer pauses once it keeps ending
+  Need need = Need::kEssential;
 };
 
 struct SupervisorOptions {
@@ -35,7 +42,7 @@ struct SupervisorOptions {
   int max_backoff_ms = 5000;
   int stable_after_ms = 10000;      // a process that ran for so long starts over with the first back-off
   int max_quick_restarts = 6;       // ended so often without becoming stable: it is told, and counts as failing
-  int optional_backoff_ms = 30000;  // of an optional process that is failing
+  int optional_backoff_ms = 30000;  // of a process that is failing and not essential
   int max_crashes = 3;              // in a row, of a kResume process: then its status is kept
   int stop_grace_ms = 2000;         // between SIGTERM and SIGKILL
 
@@ -65,7 +72,8 @@ class Supervisor {
   // The arguments for the next start of a process (the hub learns its port in the first).
   void ChangeArguments(const std::string& name, const std::vector<std::string>& argv);
   // The process has reported that it is ready: from now on its end is followed by a restart, for ever. Before, it is an
-  // error unless it was killed: what cannot start (a wrong file, a full disk) does not start the second time either.
+  // error unless it was killed or is an extra: what cannot start (a wrong file, a full disk) does not start the second
+  // time either.
   void MarkReady(const std::string& name, pid_t pid);
   // Looks after every process; call at least ten times a second. Throws std::runtime_error with the process's own error
   // line if one cannot be started.

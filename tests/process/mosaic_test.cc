@@ -5,6 +5,7 @@
 
 #include <csignal>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <tuple>
@@ -12,7 +13,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace mosaic_test {
 
 namespace fs = std::filesystem;
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
@@ -93,6 +94,24 @@ TEST(Mosaic, TheSameTilesThoughItsProcessIsKilled) {
   EXPECT_EQ(Call({"db", "hash", folder / "shaken"}).output, Call({"db", "hash", folder / "calm"}).output);
 }
 
+TEST(Mosaic, IsMissedByNobodyIfItsProcessCannotStart) {
+  const TemporaryFolder folder;
+  const fs::path programs = folder / "build/bin";
+  fs::create_directories(programs);
+  fs::create_symlink(std::string(MAPMEND_SOURCE_DIR) + "/data", folder / "data");
+  fs::copy_file(kProgram, programs / "mapmend");
+  for (const char* name : {"hub", "frontend", "submap_store", "merger", "viewer_export"})
+    fs::create_symlink(std::string(MAPMEND_BIN_DIR) + "/" + name, programs / name);
+  std::ofstream(programs / "mosaic") << "#!/bin/sh\necho 'mosaic: no room' >&2\nexit 1\n";
+  fs::permissions(programs / "mosaic", fs::perms::owner_all);
+  std::vector<std::string> argv = RunArguments(folder / "out");
+  argv[0] = programs / "mapmend";
+  const CommandResult result = RunCommand(argv, kPatienceS);
+  EXPECT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_NE(result.output.find("mosaic: no room; it is started again"), std::string::npos) << result.output;
+  EXPECT_TRUE(fs::exists(folder / "out/report.html"));
+}
+
 TEST(Mosaic, FinalOrNone) {
   const TemporaryFolder folder;
   ASSERT_EQ(RunCommand(RunArguments(folder / "final", {"--mosaic", "final"}), kPatienceS).exit_code, 0);
@@ -143,5 +162,5 @@ TEST(Mosaic, SaysWhyThereIsNone) {
   }
 }
 
-}  // namespace
+}  // namespace mosaic_test
 }  // namespace mapmend

@@ -8,7 +8,7 @@
 #include <thread>
 
 namespace mapmend {
-namespace {
+namespace supervisor_test {
 
 using std::chrono::milliseconds;
 namespace fs = std::filesystem;
@@ -121,7 +121,7 @@ TEST_F(SupervisorTest, AnOptionalProcessThatKeepsDyingIsLeftAloneForLonger) {
   options_.optional_backoff_ms = 60000;
   Supervisor supervisor(options_);
   ProcessSpec viewer = Shell("viewer", "sleep 0.02; kill -KILL $$");
-  viewer.is_optional = true;
+  viewer.need = Need::kStart;
   supervisor.Start(viewer);
   supervisor.MarkReady("viewer", supervisor.Pid("viewer"));
   ASSERT_TRUE(TickUntil(&supervisor, [&] { return supervisor.NumRestarts("viewer") == 2; }));
@@ -130,6 +130,15 @@ TEST_F(SupervisorTest, AnOptionalProcessThatKeepsDyingIsLeftAloneForLonger) {
   EXPECT_FALSE(supervisor.IsFailing("viewer"));
   supervisor.RestartNow("viewer");
   EXPECT_TRUE(TickUntil(&supervisor, [&] { return supervisor.NumRestarts("viewer") == 3; }));
+}
+
+TEST_F(SupervisorTest, AnExtraProcessThatCannotStartIsToldAndTriedAgain) {
+  Supervisor supervisor(options_);
+  ProcessSpec mosaic = Shell("mosaic", "echo 'mosaic: no room' >&2; exit 1");
+  mosaic.need = Need::kExtra;
+  supervisor.Start(mosaic);
+  ASSERT_TRUE(TickUntil(&supervisor, [&] { return supervisor.NumRestarts("mosaic") == 2; }));
+  EXPECT_EQ(supervisor.TakeNotices(), std::vector<std::string>{"mosaic: no room; it is started again"});
 }
 
 TEST_F(SupervisorTest, WhatIsKilledBeforeItIsReadyIsStartedAgain) {
@@ -203,5 +212,5 @@ TEST(FindErrorLine, PrefersTheFirstErrorAndStripsTheTimeStamp) {
   EXPECT_EQ(FindErrorLine(path, "merger", 0), "");
 }
 
-}  // namespace
+}  // namespace supervisor_test
 }  // namespace mapmend
