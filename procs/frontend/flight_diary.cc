@@ -30,11 +30,15 @@ void FlightDiary::OnFrame(const Frame& frame, const FrameOutcome& outcome) {
   } else if (phase_ == Phase::kLooking) {
     ++unconfirmed_;
   }
-  if (outcome.submap_begin >= 0) unconfirmed_ = 0;
   const bool is_lost = outcome.state == FrontendState::kLost;
   const bool goes_on = outcome.submap == submap_ && (is_lost || outcome.state == FrontendState::kTracking);
   if (phase_ != Phase::kLooking && !goes_on) CloseSubmap(frame);
-  if (outcome.submap_begin >= 0) NoteBegin(frame, outcome);
+  if (outcome.state == FrontendState::kTracking) {
+    last_frame_ = frame.index;
+    last_utime_ = frame.utime;
+    last_submap_ = outcome.submap;
+  }
+  if (outcome.submap_begin >= 0) NoteBegin(outcome.submap, outcome.submap_begin, frame.index, frame.utime);
   if (phase_ == Phase::kTracking && is_lost) {
     NoteLoss(frame, outcome);
   } else if (phase_ == Phase::kLost && outcome.state == FrontendState::kTracking) {
@@ -44,23 +48,21 @@ void FlightDiary::OnFrame(const Frame& frame, const FrameOutcome& outcome) {
                  FormatUtime(frame.utime));
     events_->Add("found_again", {{"frame", frame.index}, {"utime", frame.utime}, {"submap", submap_.value}});
   }
-  if (outcome.state == FrontendState::kTracking) {
-    last_frame_ = frame.index;
-    last_utime_ = frame.utime;
-  }
 }
 
-void FlightDiary::NoteBegin(const Frame& frame, const FrameOutcome& outcome) {
+void FlightDiary::OnFinished(int submap_begin) {
+  if (submap_begin >= 0) NoteBegin(last_submap_, submap_begin, last_frame_, last_utime_);
+}
+
+void FlightDiary::NoteBegin(SubmapId submap, int first_frame, int frame, int64_t utime) {
   phase_ = Phase::kTracking;
-  submap_ = outcome.submap;
-  if (any_submap_) SetFound(outcome.submap_begin);
+  submap_ = submap;
+  unconfirmed_ = 0;
+  if (any_submap_) SetFound(first_frame);
   any_submap_ = true;
-  spdlog::info("frontend: submap {} begins with frame {}, seen at frame {} ({})", submap_.value, outcome.submap_begin,
-               frame.index, FormatUtime(frame.utime));
-  events_->Add("submap", {{"frame", frame.index},
-                          {"utime", frame.utime},
-                          {"submap", submap_.value},
-                          {"first_frame", outcome.submap_begin}});
+  spdlog::info("frontend: submap {} begins with frame {}, seen at frame {} ({})", submap.value, first_frame, frame,
+               FormatUtime(utime));
+  events_->Add("submap", {{"frame", frame}, {"utime", utime}, {"submap", submap.value}, {"first_frame", first_frame}});
 }
 
 void FlightDiary::NoteLoss(const Frame& frame, const FrameOutcome& outcome) {

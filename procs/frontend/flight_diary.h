@@ -19,6 +19,8 @@ class FlightDiary {
 
   void OnStart(const std::string& session, const std::string& source, int width, int height);
   void OnFrame(const Frame& frame, const FrameOutcome& outcome);
+  // submap_begin: what Frontend::Finish returned.
+  void OnFinished(int submap_begin);
   void OnEnd(int num_frames, int num_tracked, int64_t num_dropped);
 
   // Frames without a pose when they came, by FrameOutcome::cause.
@@ -29,7 +31,8 @@ class FlightDiary {
 
   void Count(const std::string& cause, int num_frames);
   void SetFound(int frame);
-  void NoteBegin(const Frame& frame, const FrameOutcome& outcome);
+  // frame, utime: when it was believed.
+  void NoteBegin(SubmapId submap, int first_frame, int frame, int64_t utime);
   void NoteLoss(const Frame& frame, const FrameOutcome& outcome);
   void CloseSubmap(const Frame& frame);
 
@@ -39,6 +42,7 @@ class FlightDiary {
   SubmapId submap_;      // tracked or lost
   int last_frame_ = -1;  // with a pose
   int64_t last_utime_ = 0;
+  SubmapId last_submap_;  // of that frame
   std::string loss_cause_;
   bool any_submap_ = false;
   int unconfirmed_ = 0;  // frames with a pose in a submap that is not believed yet

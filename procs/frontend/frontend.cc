@@ -318,10 +318,12 @@ void Frontend::LeaveSubmap() {
   lost_ = {};
 }
 
-void Frontend::Finish(bool in_haste) {
+int Frontend::Finish(bool in_haste) {
   const Locked locked(&lock_);
   if (in_haste) wide_.GiveUp();
-  if (map_ && !publisher_.Believed() && frames_since_start_ >= options_.confirm_frames) Believe(motion_.Last()->utime);
+  int submap_begin = -1;
+  if (map_ && !publisher_.Believed() && frames_since_start_ >= options_.confirm_frames)
+    submap_begin = Believe(motion_.Last()->utime);
   if (map_ && publisher_.Believed()) {
     const int losses = num_losses_;
     CloseSubmap(LossReason::kEndOfInput, "the input ended");
@@ -330,6 +332,7 @@ void Frontend::Finish(bool in_haste) {
     AbandonSubmap();
   }
   publisher_.EmitAll(wide_.TakeAll());
+  return submap_begin;
 }
 
 }  // namespace mapmend

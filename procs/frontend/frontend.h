@@ -109,7 +109,8 @@ class Frontend {
   // With a mapping thread, throws what that threw.
   FrameOutcome ProcessFrame(const FramePtr& frame);
   // Closes the current submap at the end of the input. in_haste: wide features that are not finished are given up.
-  void Finish(bool in_haste = false);
+  // Returns the first frame of a submap that is believed only now, else -1.
+  int Finish(bool in_haste = false);
 
   int NumSubmaps() const { return ids_.next_submap; }
   int NumKeyframes() const { return ids_.next_keyframe; }

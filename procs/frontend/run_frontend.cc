@@ -32,6 +32,8 @@
 namespace mapmend {
 namespace {
 
+using Clock = std::chrono::steady_clock;
+
 constexpr int kExitPartOfInput = 3;  // not all of the input could be used
 constexpr int kTickMs = 200;
 // At the end, without progress: a store that refuses, and asked to stop, when the store may be gone.
@@ -109,7 +111,6 @@ std::string ExplainNoFrame(const RunOptions& options, const Input& input) {
 // Waits until the store has everything. A link that is down comes back, sooner or later: what waits for it is told, and
 // goes on waiting as long as it may; then the outbox keeps what is left. Throws std::runtime_error with one line.
 void DeliverAll(const RunOptions& options, bool is_live, StreamSender* sender, HealthReporter* health) {
-  using Clock = std::chrono::steady_clock;
   if (is_live) WithdrawStopRequest();  // it has ended the flight; the next one ends the waiting
   auto last_progress = Clock::now();
   int64_t acknowledged = sender->AcknowledgedSeq();
@@ -378,7 +379,7 @@ void FrontendRun::Finish() {
   const bool cut_off = StopRequested() && !is_live_;
   const bool goes_on = resume_.is_resumed || !options_.continues.empty();
   if (num_frames_ == 0 && !cut_off && !goes_on) throw std::runtime_error(ExplainNoFrame(options_, *input_));
-  frontend_.Finish(cut_off);  // who asked for it does not wait long
+  diary_.OnFinished(frontend_.Finish(cut_off));  // who asked for it does not wait long
   if (num_frames_ > 0 && !cut_off) TellPositions(last_utime_, positions_.TakeRest());
   if (num_frames_ > 0 || resume_.is_resumed) sender_.Append(last_utime_, SessionEnded{NumBefore() + num_frames_});
   diary_.OnEnd(NumBefore() + num_frames_, frontend_.NumTracked(), input_->Stream()->NumDropped());

@@ -15,7 +15,7 @@
 #include "tests/unit/frontend/synthetic_flight.h"
 
 namespace mapmend {
-namespace {
+namespace frontend_test {
 
 // Runs the frontend and applies its records to the read model that everything downstream uses.
 struct Replay {
@@ -49,7 +49,7 @@ TEST_P(FrontendThreads, StraightFlightBecomesOneAccurateSubmap) {
     truth.push_back(NadirPose(0.12 * i, 0.02 * (i % 3), 0.03 * (i % 2)));
     run.frontend.ProcessFrame(scene.View(truth.back(), i));
   }
-  run.frontend.Finish();
+  EXPECT_EQ(run.frontend.Finish(), -1) << "it was believed long ago";
   ASSERT_EQ(run.session.submaps.size(), 1u);
   const Submap& submap = run.session.submaps.begin()->second;
   EXPECT_TRUE(submap.ended);
@@ -63,6 +63,18 @@ TEST_P(FrontendThreads, StraightFlightBecomesOneAccurateSubmap) {
     const double expected = (truth[i].Center() - truth[0].Center()).norm();
     EXPECT_NEAR(scale * (centers[i] - centers[0]).norm(), expected, 0.01 + 0.01 * expected) << i;
   }
+}
+
+TEST_P(FrontendThreads, ABeginningThatIsStillOnTrialWhenTheInputEndsIsBelievedThen) {
+  SyntheticScene scene(12000, -1.5, 6, 0.1, 1);
+  Replay run(scene, GetParam());
+  constexpr int kNumFrames = 16;
+  for (int i = 0; i < kNumFrames; ++i)
+    EXPECT_EQ(run.frontend.ProcessFrame(scene.View(NadirPose(0.04 * i, 0.005 * (i % 3)), i)).submap_begin, -1) << i;
+  EXPECT_TRUE(run.session.submaps.empty());
+  EXPECT_EQ(run.frontend.Finish(), 0);
+  ASSERT_EQ(run.session.submaps.size(), 1u);
+  EXPECT_EQ(run.session.submaps.begin()->second.frames.size(), static_cast<size_t>(kNumFrames));
 }
 
 TEST_P(FrontendThreads, LossClosesTheSubmapAndTheNextBeginsWithTheFirstLostFrame) {
@@ -305,5 +317,5 @@ TEST(Frontend, EqualInputGivesEqualRecords) {
   EXPECT_EQ(poses(), poses());
 }
 
-}  // namespace
+}  // namespace frontend_test
 }  // namespace mapmend
