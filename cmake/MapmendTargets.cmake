@@ -24,15 +24,24 @@ function(mapmend_sanitize target)
   if(NOT MAPMEND_SANITIZE OR (MAPMEND_SANITIZE_TARGETS AND NOT target IN_LIST MAPMEND_SANITIZE_TARGETS))
     return()
   endif()
-  # With sanitizers GCC 12 takes parts of its own <regex> for uninitialised; of a dozen files at a time, what a class
-  # hides in its source (Impl) looks as if others saw it.
+  # With sanitizers GCC 12 takes parts of its own <regex> for uninitialised.
   target_compile_options(${target} PRIVATE -fsanitize=${MAPMEND_SANITIZE} -fno-sanitize-recover=all
-                         -fno-omit-frame-pointer -O1 -g1 -UNDEBUG -Wno-maybe-uninitialized -Wno-subobject-linkage)
-  # Of libraries, headers are read once for a dozen files.
-  get_target_property(type ${target} TYPE)
-  if(type STREQUAL STATIC_LIBRARY)
-    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 12)
+                         -fno-omit-frame-pointer -O1 -g1 -UNDEBUG -Wno-maybe-uninitialized)
+endfunction()
+
+# mapmend_unity(TARGET): its sources are compiled in batches, so that headers, which take most of a compiler's time, are
+# read once for several files; MAPMEND_UNITY says how many, 0 compiles each by itself.
+function(mapmend_unity target)
+  if(MAPMEND_UNITY GREATER 1)
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${MAPMEND_UNITY})
+    # In a batch, what a class hides in its source (Impl) looks as if others saw it.
+    target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
   endif()
+endfunction()
+
+# mapmend_test_flags(TARGET): of a test, what it tests must be fast, not the test itself: its compiler hurries.
+function(mapmend_test_flags target)
+  target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
 endfunction()
 
 # mapmend_library(NAME LIBS ...): a static library of every .cc file in the current folder (but main.cc).
@@ -50,6 +59,7 @@ function(mapmend_library name)
     target_link_libraries(${name} PUBLIC ${ARG_LIBS} PRIVATE $<BUILD_INTERFACE:mapmend_flags>)
     target_include_directories(${name} PUBLIC ${include})
     mapmend_sanitize(${name})
+    mapmend_unity(${name})
   else()
     add_library(${name} INTERFACE)
     target_link_libraries(${name} INTERFACE ${ARG_LIBS})
@@ -84,9 +94,33 @@ function(mapmend_unit_tests area)
   add_executable(unit_${area} ${sources})
   target_link_libraries(unit_${area} PRIVATE ${ARG_LIBS} GTest::gtest GTest::gmock GTest::gtest_main mapmend_flags)
   mapmend_sanitize(unit_${area})
+  mapmend_unity(unit_${area})
+  mapmend_test_flags(unit_${area})
   target_compile_definitions(unit_${area} PRIVATE MAPMEND_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
                                                   MAPMEND_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
   gtest_discover_tests(unit_${area} TEST_PREFIX "${area}/" DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 600)
+endfunction()
+
+# mapmend_whole_program_tests(AREA LIBS ...): the *_test.cc of the current folder become one program, AREA_tests. Each file
+# is one test of ctest, AREA/FILE, since the tests of a file may share a flight.
+function(mapmend_whole_program_tests area)
+  cmake_parse_arguments(ARG "" "" "LIBS" ${ARGN})
+  file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*_test.cc)
+  add_executable(${area}_tests ${sources})
+  target_link_libraries(${area}_tests PRIVATE ${ARG_LIBS} GTest::gtest_main mapmend_flags)
+  mapmend_unity(${area}_tests)
+  mapmend_test_flags(${area}_tests)
+  foreach(source ${sources})
+    set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${source})
+    get_filename_component(name ${source} NAME_WE)
+    file(STRINGS ${source} suites REGEX "^TEST(_F|_P)?\\(")
+    list(TRANSFORM suites REPLACE "^TEST[_FP]*\\(([A-Za-z0-9_]+),.*" "\\1.*:*/\\1.*")
+    list(REMOVE_DUPLICATES suites)
+    list(JOIN suites ":" filter)
+    add_test(NAME ${area}/${name} COMMAND ${area}_tests --gtest_filter=${filter})
+    set_tests_properties(${area}/${name} PROPERTIES TIMEOUT 1800
+                         FAIL_REGULAR_EXPRESSION "Running 0 tests")
+  endforeach()
 endfunction()
 
 # mapmend_benchmark(NAME LIBS ...): NAME_benchmark.cc in the current folder, with Google Benchmark.

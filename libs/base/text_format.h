@@ -5,12 +5,12 @@
 
 namespace mapmend {
 
-// As printf, for one sentence with numbers: at most 319 characters.
+// As printf.
 template <typename... Args>
 std::string Format(const char* format, Args... args) {
-  char buffer[320];
-  std::snprintf(buffer, sizeof(buffer), format, args...);
-  return buffer;
+  std::string text(static_cast<size_t>(std::snprintf(nullptr, 0, format, args...)), '\0');
+  std::snprintf(text.data(), text.size() + 1, format, args...);
+  return text;
 }
 
 }  // namespace mapmend

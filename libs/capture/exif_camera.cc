@@ -143,7 +143,7 @@ Camera MakeCamera(const Told& told, double focal_length) {
   return camera;
 }
 
-std::string NameOf(const std::string& file) { return std::filesystem::path(file).filename().string(); }
+std::string FileName(const std::string& file) { return std::filesystem::path(file).filename().string(); }
 
 }  // namespace
 
@@ -161,7 +161,7 @@ ExifCamera GuessCamera(const std::vector<std::string>& files) {
     if (share < kMinFocalLength || share > kMaxFocalLength) {
       if (guess.note.empty() && !guess.found) {
         guess.note =
-            "the EXIF of " + NameOf(files[i]) +
+            "the EXIF of " + FileName(files[i]) +
             (found.pixels > 0 ? " tells no focal length that can be" : " does not tell a focal length with a sensor");
       }
       continue;
@@ -178,7 +178,7 @@ ExifCamera GuessCamera(const std::vector<std::string>& files) {
     } else if (std::abs(found.pixels - first.pixels) > kSameFocalLength * first.pixels) {
       guess.found = false;
       guess.note = Format("the photos' EXIF tells different focal lengths (%.0f px in ", first.pixels) +
-                   NameOf(first_file) + Format(", %.0f px in ", found.pixels) + NameOf(files[i]) + ")";
+                   FileName(first_file) + Format(", %.0f px in ", found.pixels) + FileName(files[i]) + ")";
       return guess;
     }
   }

@@ -145,17 +145,18 @@ class LoopCloser {
 };
 
 // Loops that confirm each other, directly or by others.
-struct Place {
+struct LoopPlace {
   std::vector<int> loops;
   int num_inliers = 0;
 };
 
-std::vector<Place> GroupLoops(const SubmapView& view, const std::vector<ConnectedFrames>& loops, const LoopEnds& ends,
-                              const std::vector<int>& candidates, const LoopClosureOptions& options) {
-  std::vector<Place> places;
+std::vector<LoopPlace> GroupLoops(const SubmapView& view, const std::vector<ConnectedFrames>& loops,
+                                  const LoopEnds& ends, const std::vector<int>& candidates,
+                                  const LoopClosureOptions& options) {
+  std::vector<LoopPlace> places;
   for (const int i : candidates) {
-    Place joined{{i}, loops[i].num_inliers};
-    std::erase_if(places, [&](const Place& place) {
+    LoopPlace joined{{i}, loops[i].num_inliers};
+    std::erase_if(places, [&](const LoopPlace& place) {
       const bool agrees = std::any_of(place.loops.begin(), place.loops.end(), [&](int j) {
         return ends.AreNeighbors(i, j, options.max_steps) && LoopsAgree(view, loops[i], loops[j], options);
       });
@@ -166,24 +167,24 @@ std::vector<Place> GroupLoops(const SubmapView& view, const std::vector<Connecte
     });
     places.push_back(std::move(joined));
   }
-  for (Place& place : places) std::sort(place.loops.begin(), place.loops.end());
-  std::stable_sort(places.begin(), places.end(), [](const Place& l, const Place& r) {
+  for (LoopPlace& place : places) std::sort(place.loops.begin(), place.loops.end());
+  std::stable_sort(places.begin(), places.end(), [](const LoopPlace& l, const LoopPlace& r) {
     return std::pair(-l.num_inliers, l.loops[0]) < std::pair(-r.num_inliers, r.loops[0]);
   });
   return places;
 }
 
-std::vector<int> AllLoops(const std::vector<Place>& places) {
+std::vector<int> AllLoops(const std::vector<LoopPlace>& places) {
   std::vector<int> all;
-  for (const Place& place : places) all.insert(all.end(), place.loops.begin(), place.loops.end());
+  for (const LoopPlace& place : places) all.insert(all.end(), place.loops.begin(), place.loops.end());
   return all;
 }
 
 // Largest median over the places. left: per loop, in the order of AllLoops.
-double LargestMedian(const std::vector<Place>& places, const std::vector<double>& left) {
+double LargestMedian(const std::vector<LoopPlace>& places, const std::vector<double>& left) {
   double largest = 0;
   size_t first = 0;
-  for (const Place& place : places) {
+  for (const LoopPlace& place : places) {
     const auto begin = left.begin() + static_cast<long>(first);
     largest = std::max(largest, Median({begin, begin + static_cast<long>(place.loops.size())}));
     first += place.loops.size();
@@ -229,7 +230,7 @@ class LoopJudge {
   const LoopClosureOptions& options_;
   const LoopEnds ends_;
   const LoopCloser closer_;
-  std::vector<Place> places_;
+  std::vector<LoopPlace> places_;
   LoopJudgement judgement_;
 };
 
@@ -250,7 +251,7 @@ std::vector<int> LoopJudge::Plausible() {
 }
 
 void LoopJudge::RefuseLone() {
-  std::erase_if(places_, [&](const Place& place) {
+  std::erase_if(places_, [&](const LoopPlace& place) {
     if (place.loops.size() > 1) return false;
     Refuse(place.loops[0], LoopVerdict::kAlone, "no pair of neighbouring keyframes says the same");
     return true;
@@ -268,9 +269,9 @@ void LoopJudge::MeasureGap() {
 
 // Some are wrong. One by one, strongest first: a place that cannot be closed together with those before is refused.
 void LoopJudge::RefuseContradicting() {
-  std::vector<Place> kept;
-  for (const Place& place : places_) {
-    std::vector<Place> with = kept;
+  std::vector<LoopPlace> kept;
+  for (const LoopPlace& place : places_) {
+    std::vector<LoopPlace> with = kept;
     with.push_back(place);
     const std::vector<int> closed = AllLoops(with);
     const double left = LargestMedian(with, closer_.LeftOpen(closed, closed));
@@ -321,7 +322,7 @@ std::vector<int> FindLoneLoops(const SubmapView& view, const std::vector<Connect
   const LoopEnds ends(*view.submap, loops);
   std::vector<int> all(loops.size()), lone;
   std::iota(all.begin(), all.end(), 0);
-  for (const Place& place : GroupLoops(view, loops, ends, all, options)) {
+  for (const LoopPlace& place : GroupLoops(view, loops, ends, all, options)) {
     if (place.loops.size() == 1) lone.push_back(place.loops[0]);
   }
   std::sort(lone.begin(), lone.end());

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "libs/base/median.h"
+#include "libs/geometry/skew.h"
 
 namespace mapmend {
 namespace {
@@ -12,12 +13,6 @@ namespace {
 using Matrix3x7 = Eigen::Matrix<double, 3, 7>;
 
 constexpr double kBehind = 1e4;  // squared error of what lies behind a camera, sigma^2
-
-Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
 
 double HuberCost(double squared, double delta) {
   return squared <= delta * delta ? squared : 2 * delta * std::sqrt(squared) - delta * delta;
@@ -101,7 +96,7 @@ class Problem {
     Eigen::Matrix3d b_by_place = sR * by_place;
     b_by_place.col(2) += b_from_a.translation;
     Matrix3x7 by_transform;
-    by_transform << -Cross(v), p.w() * Eigen::Matrix3d::Identity(), v;
+    by_transform << -Skew(v), p.w() * Eigen::Matrix3d::Identity(), v;
     for (const WideSighting& s : tracks_[track].in_b) {
       const bool ok = Project(s, q, p.w(), derive ? &b_by_place : nullptr, derive ? &by_transform : nullptr, &term);
       visit(ok ? Weigh(&term) : nullptr);

@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "libs/base/options.h"
+#include "libs/geometry/skew.h"
 
 namespace mapmend {
 namespace {
@@ -21,17 +22,11 @@ struct FrameMatch {
 // Of each frame those at these distances behind it: near ones hold tracks together, far ones bring a wide angle.
 constexpr int kSteps[] = {1, 2, 3, 5, 7};
 
-Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
-
 // Pixels of b against pixels of a: u_b^T F u_a = 0.
 Eigen::Matrix3d FundamentalMatrix(const Pinhole& camera, const Rigid3& b_from_a) {
   Eigen::Matrix3d inverse_k;
   inverse_k << 1 / camera.fx, 0, -camera.cx / camera.fx, 0, 1 / camera.fy, -camera.cy / camera.fy, 0, 0, 1;
-  return inverse_k.transpose() * Cross(b_from_a.translation) * b_from_a.rotation.toRotationMatrix() * inverse_k;
+  return inverse_k.transpose() * Skew(b_from_a.translation) * b_from_a.rotation.toRotationMatrix() * inverse_k;
 }
 
 // The nearest features of one frame to those of another, among those near their epipolar lines.

@@ -11,6 +11,8 @@ namespace mapmend {
 // 256-bit ORB descriptor.
 using Descriptor = std::array<uint64_t, 4>;
 
+inline constexpr int kBeyondAnyDistance = 257;  // bits; descriptors have 256
+
 // Number of differing bits, 0 to 256.
 inline int HammingDistance(const Descriptor& a, const Descriptor& b) {
   return std::popcount(a[0] ^ b[0]) + std::popcount(a[1] ^ b[1]) + std::popcount(a[2] ^ b[2]) +

@@ -22,7 +22,7 @@ constexpr ModelInfo kModels[] = {
 
 constexpr double kMaxBack = 1.0;        // pixels off after projecting back
 constexpr double kMinCosine = 0.01745;  // 89 degrees
-constexpr double kMaxTan = 57.29;       // the same
+constexpr double kMaxTangent = 57.29;   // the same
 
 }  // namespace
 
@@ -129,7 +129,7 @@ std::vector<Eigen::Vector2f> Camera::Undistort(const std::vector<Eigen::Vector2f
     const Eigen::Vector3d ray = ideal.Unproject(result[i].cast<double>());
     const double r = ray.head<2>().norm();
     const double back = (Project(ray) - pixels[i].cast<double>()).norm();
-    (*seen)[i] = r <= std::min(limit, kMaxTan) && back <= kMaxBack;
+    (*seen)[i] = r <= std::min(limit, kMaxTangent) && back <= kMaxBack;
   }
   return result;
 }

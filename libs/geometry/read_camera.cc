@@ -134,18 +134,17 @@ YAML::Node ParseKeys(const std::string& bytes, std::string* problem) {
 }
 
 void CheckModel(const Camera& camera) {
-  using Model = Camera::Model;
+  using enum Camera::Model;
   const auto& d = camera.distortion;
   const auto require = [](bool good, const char* what) {
     if (!good) RefuseCamera(what);
   };
-  if (camera.model == Model::kFov)
-    require(d[0] > 0 && d[0] < 3.14, "the angle of the FOV model must be 0 to 3.14 radians");
-  if (camera.model == Model::kOmni) require(d[0] >= 0, "xi of the omni model must not be negative");
-  if (camera.model == Model::kDoubleSphere)
+  if (camera.model == kFov) require(d[0] > 0 && d[0] < 3.14, "the angle of the FOV model must be 0 to 3.14 radians");
+  if (camera.model == kOmni) require(d[0] >= 0, "xi of the omni model must not be negative");
+  if (camera.model == kDoubleSphere)
     require(d[0] > -1 && d[0] <= 1 && d[1] >= 0 && d[1] <= 1,
             "xi and alpha of the ds model must be -1 to 1 and 0 to 1");
-  if (camera.model == Model::kExtendedUnified)
+  if (camera.model == kExtendedUnified)
     require(d[0] >= 0 && d[0] <= 1 && d[1] > 0, "alpha and beta of the eucm model must be 0 to 1 and positive");
 }
 

@@ -14,7 +14,7 @@
 namespace mapmend {
 namespace {
 
-constexpr int64_t kNoTime = 100000000000000000;  // the year 5138
+constexpr int64_t kLatestTime = 100000000000000000;  // the year 5138
 constexpr size_t kNone = static_cast<size_t>(-1);
 
 // Which column holds what.
@@ -100,9 +100,9 @@ std::optional<Layout> LayoutOf(const TextTable& table) {
   return layout;
 }
 
-class Reader {
+class TrajectoryReader {
  public:
-  Reader(const std::string& path, const TextTable& table, const std::vector<int64_t>& frame_times)
+  TrajectoryReader(const std::string& path, const TextTable& table, const std::vector<int64_t>& frame_times)
       : path_(path), table_(table), frame_times_(frame_times) {}
 
   TrajectoryFile Read() {
@@ -184,7 +184,7 @@ class Reader {
     double seconds = 0;
     if (ParseNumber(time, &seconds) && std::isnan(seconds)) return false;
     if (!ParseTime(time, unit_, &pose->utime)) Fail(row, "bad time '" + time.substr(0, 40) + "'");
-    if (std::abs(pose->utime) > kNoTime)
+    if (std::abs(pose->utime) > kLatestTime)
       Fail(row, "time '" + time.substr(0, 40) + "' is not in " + NameOf(unit_) + " as the others");
     std::array<double, 7> values = {0, 0, 0, 0, 0, 0, 1};
     for (size_t i = 0; i < 3; ++i) values[i] = Number(row, layout.position[i], &is_nan);
@@ -228,7 +228,7 @@ class Reader {
 TrajectoryFile ReadTrajectoryFile(const std::string& path, const std::vector<int64_t>& frame_times) {
   const TextTable table = ReadTextTable(path, "trajectory");
   if (table.rows.empty()) throw std::runtime_error(path + ": no poses (expected lines `t tx ty tz qx qy qz qw`)");
-  return Reader(path, table, frame_times).Read();
+  return TrajectoryReader(path, table, frame_times).Read();
 }
 
 TrajectoryFile ReadGroundTruth(const std::string& path, const std::string& times_path, double time_offset_s) {

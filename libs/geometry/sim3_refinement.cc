@@ -7,6 +7,7 @@
 
 #include "libs/base/median.h"
 #include "libs/base/options.h"
+#include "libs/geometry/skew.h"
 
 namespace mapmend {
 namespace {
@@ -22,12 +23,6 @@ Eigen::Vector3d LogRotation(Eigen::Quaterniond q) {
   const double n = q.vec().norm();
   if (n < 1e-12) return 2 * q.vec();
   return 2 * std::atan2(n, q.w()) / n * q.vec();
-}
-
-Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
 }
 
 // Residual of x in the target's frame, and its derivative by d given that of x.
@@ -180,7 +175,7 @@ bool ResidualAInB(const CrossObservation& o, const Similarity3& b_from_a, Eigen:
   // x = exp(lambda) exp(omega) v + t + upsilon with v = s R p.
   const Eigen::Vector3d v = b_from_a.scale * (b_from_a.rotation * o.point);
   Eigen::Matrix<double, 3, 7> dx;
-  if (jacobian) dx << -Cross(v), Eigen::Matrix3d::Identity(), v;
+  if (jacobian) dx << -Skew(v), Eigen::Matrix3d::Identity(), v;
   return Project(o, v + b_from_a.translation, dx, residual, jacobian);
 }
 
@@ -191,7 +186,7 @@ bool ResidualBInA(const CrossObservation& o, const Similarity3& b_from_a, Eigen:
   const Eigen::Vector3d v = o.point - b_from_a.translation;
   const Eigen::Vector3d x = inverse * v;
   Eigen::Matrix<double, 3, 7> dx;
-  if (jacobian) dx << inverse * Cross(v), -inverse, -x;
+  if (jacobian) dx << inverse * Skew(v), -inverse, -x;
   return Project(o, x, dx, residual, jacobian);
 }
 

@@ -3,14 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libs/base/degree.h"
 #include "libs/base/text_format.h"
 
 namespace mapmend {
-namespace {
-
-constexpr double kDegree = M_PI / 180;
-
-}  // namespace
 
 std::vector<SessionFixes> PositionsOf(const Snapshot& snapshot) {
   std::vector<SessionFixes> sessions;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <compare>
+#include <numbers>
 
 #include "libs/mosaic/ground_surface.h"
 #include "libs/mosaic/rectified_patch.h"
@@ -12,7 +13,8 @@ namespace mapmend {
 // The tiles of web maps (EPSG:3857): at zoom z the square of 2^z x 2^z tiles covers the world, metres of the equator,
 // x to the east, y to the north. What is not on the earth uses the same square as a plane.
 inline constexpr int kTilePixels = 256;
-inline constexpr double kHalfWorld = 20037508.342789244;  // from the centre to the border
+inline constexpr double kHalfWorld = 20037508.342789244;                  // from the centre to the border
+inline constexpr double kMercatorRadius = kHalfWorld / std::numbers::pi;  // of the sphere that web maps take
 inline constexpr int kMaxZoom = 30;
 
 struct TileAddress {

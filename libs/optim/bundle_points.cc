@@ -6,6 +6,7 @@
 #include <limits>
 #include <numeric>
 
+#include "libs/optim/behind_camera.h"
 #include "libs/optim/reprojection_cost.h"
 
 namespace mapmend {
@@ -13,8 +14,7 @@ namespace {
 
 constexpr int kColumns = 8, kRows = 6;  // of cells of an image
 constexpr int kMaxIterations = 3;
-constexpr double kMinDecrease = 1e-3;  // of the cost, or no further step is made
-constexpr double kMinDepth = 1e-6;
+constexpr double kMinPointDecrease = 1e-3;  // of the cost, or no further step is made
 
 int CellOf(const BundleProblem& problem, const BundleObservation& o) {
   const Pinhole& camera = problem.cameras[problem.poses[o.pose].camera];
@@ -97,7 +97,7 @@ void RefineBundlePoint(const BundleProblem& problem, const std::vector<Eigen::Ma
     const PointSystem next_system = Linearize(problem, rotations, observations, huber, next);
     if (!(next_system.cost < system.cost)) return;
     *point = next;
-    const bool done = system.cost - next_system.cost < kMinDecrease * system.cost;
+    const bool done = system.cost - next_system.cost < kMinPointDecrease * system.cost;
     system = next_system;
     if (done) return;
   }

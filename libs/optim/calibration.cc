@@ -13,7 +13,7 @@
 namespace mapmend {
 namespace {
 
-constexpr int kMaxDensePoses = 200;
+constexpr int kMaxDenseCalibrationPoses = 200;
 constexpr int kMinObservations = 200, kMinPoses = 3;
 constexpr double kFunctionTolerance = 1e-9;
 
@@ -87,7 +87,7 @@ double CalibrationSolver::Solve(bool with_intrinsics, bool with_focal_length) {
   }
   ceres::Solver::Options solver;
   solver.linear_solver_type =
-      static_cast<int>(poses_.size()) <= kMaxDensePoses ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
+      static_cast<int>(poses_.size()) <= kMaxDenseCalibrationPoses ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
   solver.linear_solver_ordering.reset(ordering);
   solver.max_num_iterations = options_.max_iterations;
   solver.function_tolerance = kFunctionTolerance;

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 
+#include "libs/geometry/skew.h"
+#include "libs/optim/behind_camera.h"
+
 namespace mapmend {
 namespace {
-
-constexpr double kMinDepth = 1e-6;
-constexpr double kResidualBehindCamera = 1e3;
 
 // A point of the plane z = 1 as the lens puts it, with all derivatives.
 struct Distorted {

@@ -6,6 +6,8 @@
 #include <map>
 #include <utility>
 
+#include "libs/geometry/skew.h"
+
 namespace mapmend {
 namespace {
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libs/geometry/skew.h"
 #include "libs/optim/bundle_adjustment.h"
 #include "libs/optim/reprojection_cost.h"
 

@@ -7,6 +7,7 @@
 #include <limits>
 #include <unordered_map>
 
+#include "libs/geometry/skew.h"
 #include "libs/optim/reprojection_cost.h"
 
 namespace mapmend {

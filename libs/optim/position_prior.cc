@@ -1,5 +1,7 @@
 #include "libs/optim/position_prior.h"
 
+#include "libs/geometry/skew.h"
+
 namespace mapmend {
 
 bool PositionCost::Evaluate(double const* const*, double* residuals, double** jacobians) const {

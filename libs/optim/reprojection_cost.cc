@@ -2,11 +2,12 @@
 
 #include <cmath>
 
+#include "libs/geometry/skew.h"
+#include "libs/optim/behind_camera.h"
+
 namespace mapmend {
 namespace {
 
-constexpr double kMinDepth = 1e-6;
-constexpr double kResidualBehindCamera = 1e3;
 constexpr double kSmallAngle = 1e-5;  // below, the series' next term is lost in rounding
 
 Eigen::Quaterniond ExpRotation(const Eigen::Vector3d& w) {
@@ -25,12 +26,6 @@ Eigen::Matrix3d LeftJacobian(const Eigen::Vector3d& w) {
 }
 
 }  // namespace
-
-Eigen::Matrix3d Skew(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
 
 Eigen::Matrix<double, 2, 3> ProjectionJacobian(const Pinhole& camera, const Eigen::Vector3d& x) {
   const double iz = 1.0 / x.z();

@@ -13,8 +13,6 @@ namespace mapmend {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-Eigen::Matrix3d Skew(const Eigen::Vector3d& v);
-
 // d pixel / d x_cam of a pinhole camera, 2x3.
 Eigen::Matrix<double, 2, 3> ProjectionJacobian(const Pinhole& camera, const Eigen::Vector3d& x_cam);
 

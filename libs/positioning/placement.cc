@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "libs/base/degree.h"
 #include "libs/base/median.h"
 #include "libs/base/text_format.h"
 #include "libs/positioning/position_matching.h"
@@ -12,7 +13,6 @@
 namespace mapmend {
 namespace {
 
-constexpr double kDegree = M_PI / 180;
 constexpr double kOutlier = 0.25;                              // weight
 constexpr double kOpenAngle = 10 * kDegree, kOpenScale = 0.1;  // standard deviations beyond which a freedom is open
 constexpr double kAssumedAngle = 30 * kDegree;

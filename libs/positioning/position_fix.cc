@@ -2,13 +2,13 @@
 
 #include <cmath>
 
+#include "libs/base/degree.h"
 #include "libs/base/text_format.h"
 
 namespace mapmend {
 namespace {
 
 constexpr double kMetresPerDegree = 111319.5;
-constexpr double kDegree = M_PI / 180;
 constexpr double kMaxSpeed = 150, kSlack = 30;  // m/s; m: faster than what carries cameras, and what receivers waver
 constexpr int kAgreeing = 3;                    // strays in a row that are believed after all
 

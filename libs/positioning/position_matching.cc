@@ -77,8 +77,8 @@ class OffsetSearch {
     OffsetCost sum;
     for (const std::vector<TrackPoint>& track : components_) {
       std::vector<PositionPair> pairs = MatchPositions(track, session_, fixes_, enus_, offset_us, options_);
-      constexpr size_t kMinPairs = 5, kEnough = 400;
-      if (pairs.size() < kMinPairs) continue;
+      constexpr size_t kFewest = 5, kEnough = 400;
+      if (pairs.size() < kFewest) continue;
       if (pairs.size() > kEnough) {
         std::vector<PositionPair> some;
         for (size_t i = 0; i < kEnough; ++i) some.push_back(pairs[i * pairs.size() / kEnough]);

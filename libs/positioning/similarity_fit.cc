@@ -9,6 +9,7 @@
 #include "libs/base/median.h"
 #include "libs/base/random.h"
 #include "libs/geometry/alignment.h"
+#include "libs/geometry/skew.h"
 
 namespace mapmend {
 namespace {
@@ -18,12 +19,6 @@ using Vector7 = Eigen::Matrix<double, 7, 1>;
 constexpr int kSamples = 400, kScored = 200, kIterations = 30;
 constexpr double kChiMedian3 = 1.538;  // median length of three normal numbers
 constexpr double kCauchy = 2.385;      // 95 % as good as least squares on normal errors (Holland and Welsch 1977)
-
-Eigen::Matrix3d Skew(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
 
 Eigen::Vector3d RotationVector(const Eigen::Quaterniond& q) {
   const Eigen::AngleAxisd turn(q.w() < 0 ? Eigen::Quaterniond(-q.coeffs()) : q);

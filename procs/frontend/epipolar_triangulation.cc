@@ -9,9 +9,8 @@
 namespace mapmend {
 namespace {
 
-constexpr double kMinDepth = 1e-3;       // nearer than that a projection says nothing; the submap's first depth is 1
-constexpr double kNoLength = 1e-6;       // pixels: a shorter segment has no direction
-constexpr int kBeyondAnyDistance = 257;  // bits; descriptors have 256
+constexpr double kMinDepth = 1e-3;  // nearer than that a projection says nothing; the submap's first depth is 1
+constexpr double kNoLength = 1e-6;  // pixels: a shorter segment has no direction
 
 // Whether pixels lie near the segment from p0 to p1, with as much slack at its ends.
 class SegmentTest {

@@ -13,8 +13,8 @@ namespace {
 // Twentieths of the known depths that are left out on either side.
 constexpr size_t kDepthParts = 20;
 // Never culled:
-constexpr int kFirst = 2;   // keyframes: the pair that gave the submap its frame and scale
-constexpr int kNewest = 3;  // keyframes: tracking matches with them
+constexpr int kNumInitial = 2;  // keyframes: the pair that gave the submap its frame and scale
+constexpr int kNewest = 3;      // keyframes: tracking matches with them
 
 }  // namespace
 
@@ -74,7 +74,7 @@ void LocalMapper::CullRecentPoints(KeyframeIndex keyframe, WorkingMap* map) cons
 void LocalMapper::CullKeyframes(KeyframeIndex keyframe, WorkingMap* map) const {
   const StageTimer timer("map/cull");
   for (const Covisible& c : map->CovisibleKeyframes(keyframe, options_.min_covisible)) {
-    if (c.keyframe < kFirst || c.keyframe > keyframe - kNewest || !map->Keyframe(c.keyframe).published) continue;
+    if (c.keyframe < kNumInitial || c.keyframe > keyframe - kNewest || !map->Keyframe(c.keyframe).published) continue;
     if (IsRedundant(c.keyframe, *map)) map->RemoveKeyframe(c.keyframe);
   }
 }

@@ -6,7 +6,7 @@
 namespace mapmend {
 namespace {
 
-constexpr KeyframeIndex kFirst(0), kSecond(1);  // of a submap that has just begun
+constexpr KeyframeIndex kStart(0), kSecond(1);  // of a submap that has just begun
 
 }  // namespace
 
@@ -16,8 +16,8 @@ std::unique_ptr<WorkingMap> MapOfBeginning(const Initialization& initialization,
   map->AddKeyframe(initialization.first, Rigid3());
   map->AddKeyframe(initialization.second, initialization.second_from_first);
   for (const InitialPoint& p : initialization.points) {
-    const PointIndex point = map->AddPoint(p.position, kFirst);
-    map->AddObservation(point, kFirst, p.first_feature);
+    const PointIndex point = map->AddPoint(p.position, kStart);
+    map->AddObservation(point, kStart, p.first_feature);
     map->AddObservation(point, kSecond, p.second_feature);
     map->RefreshPoint(point);
   }
@@ -34,7 +34,7 @@ std::unique_ptr<WorkingMap> SubmapStarter::Start(const Initialization& initializ
   }
   ++ids->next_submap;
   publisher_->Begin();
-  publisher_->NoteKeyframe(*map, kFirst);
+  publisher_->NoteKeyframe(*map, kStart);
   publisher_->NoteKeyframe(*map, kSecond);
   TrackBetween(initialization, map.get());
   TrackBefore(initialization, map.get());
@@ -46,7 +46,7 @@ void SubmapStarter::TrackBetween(const Initialization& initialization, WorkingMa
   auto at = std::find(frames.begin(), frames.end(), initialization.first);
   for (at = at == frames.end() ? at : at + 1; at != frames.end(); ++at) {
     if (*at == initialization.second) continue;
-    const TrackResult result = tracker_->TrackAfterwards({kFirst, kSecond}, **at, map);
+    const TrackResult result = tracker_->TrackAfterwards({kStart, kSecond}, **at, map);
     if (result.success) publisher_->NoteFrame(*map, **at, result);
   }
 }
@@ -55,7 +55,7 @@ void SubmapStarter::TrackBetween(const Initialization& initialization, WorkingMa
 void SubmapStarter::TrackBefore(const Initialization& initialization, WorkingMap* map) {
   const std::deque<FramePtr>& frames = initializer_.Frames();
   auto at = std::make_reverse_iterator(std::find(frames.begin(), frames.end(), initialization.first));
-  KeyframeIndex hint = kFirst;
+  KeyframeIndex hint = kStart;
   int misses = 0;
   for (; at != frames.rend() && misses < options_.max_misses; ++at) {
     const FramePtr& frame = *at;

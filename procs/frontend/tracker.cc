@@ -13,7 +13,6 @@
 namespace mapmend {
 namespace {
 
-constexpr int kBeyondAnyDistance = 257;             // bits; descriptors have 256
 constexpr int kSpreadColumns = 8, kSpreadRows = 6;  // of the cells that min_spread counts
 
 constexpr int kLocalMapRounds = 2;  // the second time the pose is better

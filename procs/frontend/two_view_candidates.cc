@@ -17,7 +17,7 @@ constexpr int kRefinements = 2;              // all matches are judged anew afte
 constexpr int kBundleIterations = 15;
 constexpr size_t kMinRefinable = 20;  // matches: a motion that explains fewer stays as it is
 constexpr int kBundlePoints = 150;    // of an image determine the motion in bundle adjustment
-constexpr double kNoLength = 1e-9;    // of a translation that says nothing of its direction
+constexpr double kNoBaseline = 1e-9;  // of a translation that says nothing of its direction
 // Motions nearer to each other than this are one: two views tell the direction worse than the rotation.
 constexpr double kSameRotationRad = 0.02, kSameDirectionRad = 0.15;
 
@@ -79,7 +79,7 @@ TwoViewCandidate Refine(const Pinhole& camera, const MatchedPixels& matches, Two
     if (!AdjustBundle(options, &problem).success) break;
     Rigid3 motion = problem.poses[1].cam_from_world;
     const double length = motion.translation.norm();
-    if (length < kNoLength) break;
+    if (length < kNoBaseline) break;
     motion.translation /= length;
     judged = Judge(camera, matches, motion, max_sigma);
   }

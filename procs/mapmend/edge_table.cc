@@ -9,16 +9,10 @@
 #include <stdexcept>
 
 #include "libs/base/plural.h"
+#include "libs/base/text_format.h"
 
 namespace mapmend {
 namespace {
-
-template <typename... Values>
-std::string Format(const char* format, Values... values) {
-  char text[512];
-  std::snprintf(text, sizeof(text), format, values...);
-  return text;
-}
 
 int ParseNumber(const std::string& text, const std::string& whole) {
   int number = -1;

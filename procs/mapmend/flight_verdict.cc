@@ -7,7 +7,7 @@
 namespace mapmend {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
 std::string Percent(int64_t part, int64_t whole) {
   const double percent = whole > 0 ? 100.0 * static_cast<double>(part) / static_cast<double>(whole) : 0;
@@ -99,19 +99,19 @@ std::string DescribeSmallMap(const FlightFigures& figures) {
   return Sentence(figures, words.why, words.advice);
 }
 
-std::string DescribeSmallMap(const Json& summary, const std::string& session) {
-  const Json sessions = summary.value("sessions", Json::array());
-  const Json frontend = summary.value("frontend", Json::object());
-  for (const Json& entry : sessions) {
+std::string DescribeSmallMap(const OrderedJson& summary, const std::string& session) {
+  const OrderedJson sessions = summary.value("sessions", OrderedJson::array());
+  const OrderedJson frontend = summary.value("frontend", OrderedJson::object());
+  for (const OrderedJson& entry : sessions) {
     if (entry.value("id", "") != session) continue;
     FlightFigures figures;
     figures.frames_in = entry.value("frames_in", 0);
     figures.frames_tracked = entry.value("frames_tracked", 0);
     figures.frames_in_main = entry.value("frames_in_main", 0);
     figures.frames_dropped = frontend.value("frames_dropped", int64_t{0});
-    figures.num_parts = static_cast<int>(summary.value("components", Json::array()).size());
+    figures.num_parts = static_cast<int>(summary.value("components", OrderedJson::array()).size());
     figures.joins_a_map = sessions.size() > 1;
-    const Json untracked = frontend.value("untracked", Json::object());
+    const OrderedJson untracked = frontend.value("untracked", OrderedJson::object());
     for (const auto& [cause, count] : untracked.items()) figures.untracked[cause] = count.get<int>();
     return DescribeSmallMap(figures);
   }

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "libs/base/plural.h"
+#include "libs/base/text_format.h"
 #include "libs/base/write_file.h"
 #include "procs/mapmend/flight_verdict.h"
 #include "procs/mapmend/progress.h"
@@ -15,34 +16,28 @@
 namespace mapmend {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
-int Count(const Json& summary, const char* key) {
+int Count(const OrderedJson& summary, const char* key) {
   const auto found = summary.find(key);
   return found != summary.end() && found->is_number() ? found->get<int>() : 0;
 }
 
-size_t Size(const Json& summary, const char* key) {
+size_t Size(const OrderedJson& summary, const char* key) {
   const auto found = summary.find(key);
   return found != summary.end() && found->is_array() ? found->size() : 0;
 }
 
-double Number(const Json& object, const char* key, double fallback = 0) {
+double Number(const OrderedJson& object, const char* key, double fallback = 0) {
   const auto found = object.find(key);
   return found != object.end() && found->is_number() ? found->get<double>() : fallback;
 }
 
-template <typename... Values>
-std::string Format(const char* format, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof(text), format, values...);
-  return text;
-}
-
 // Where the main map lies, and how well it fits.
-std::string DescribeWorld(const Json& world) {
+std::string DescribeWorld(const OrderedJson& world) {
   if (world.contains("problem")) return "not placed: " + world.value("problem", std::string());
-  const Json main = world.value("components", Json::array()).empty() ? Json::object() : world["components"][0];
+  const OrderedJson main =
+      world.value("components", OrderedJson::array()).empty() ? OrderedJson::object() : world["components"][0];
   if (!main.value("placed", false)) return "main map not placed: " + main.value("problem", std::string());
   std::string text = Format("placed by %d positions, %.2f m beside them horizontally (median)",
                             Count(main, "positions"), Number(main, "horizontal_residual_median_m"));
@@ -53,18 +48,18 @@ std::string DescribeWorld(const Json& world) {
   return text;
 }
 
-std::string DescribeMosaic(const Json& mosaic) {
+std::string DescribeMosaic(const OrderedJson& mosaic) {
   if (const std::string problem = mosaic.value("problem", ""); !problem.empty()) return "no picture: " + problem;
   const std::string size = Format("mosaic.tif, %d x %d pixels", Count(mosaic, "width"), Count(mosaic, "height"));
   return mosaic.value("unit", "") == "m" ? size + Format(" of %.2g m", Number(mosaic, "gsd")) : size;
 }
 
 // "2: after frame 73 (too few matches), after frame 140 (darkness)".
-std::string DescribeLosses(const Json& summary) {
+std::string DescribeLosses(const OrderedJson& summary) {
   constexpr int kNamed = 3;
   std::string text = std::to_string(Count(summary, "losses"));
   int count = 0;
-  for (const Json& submap : summary.value("submaps", Json::array())) {
+  for (const OrderedJson& submap : summary.value("submaps", OrderedJson::array())) {
     std::string reason = submap.value("end_reason", "");
     const int last_frame = submap.value("last_frame", -1);
     if (reason.empty() || reason == "end_of_input" || last_frame < 0) continue;
@@ -78,8 +73,10 @@ std::string DescribeLosses(const Json& summary) {
 // The table that a run ends with, row by row.
 class SummaryTable {
  public:
-  explicit SummaryTable(const Json& summary)
-      : summary_(summary), frontend_(summary.value("frontend", Json::object())), frames_(Count(summary, "frames_in")) {}
+  explicit SummaryTable(const OrderedJson& summary)
+      : summary_(summary),
+        frontend_(summary.value("frontend", OrderedJson::object())),
+        frames_(Count(summary, "frames_in")) {}
 
   std::string Text() {
     AddFrames();
@@ -95,7 +92,7 @@ class SummaryTable {
 
   int NumAccepted(const char* list) const {
     int accepted = 0;
-    for (const Json& connection : summary_.value(list, Json::array())) {
+    for (const OrderedJson& connection : summary_.value(list, OrderedJson::array())) {
       if (connection.value("verdict", "") == "accepted") ++accepted;
     }
     return accepted;
@@ -125,7 +122,7 @@ class SummaryTable {
     if (const int loops = NumAccepted("loops"); loops > 0) Add("loops", "closed within " + Plural(loops, "submap"));
     Add("keyframes", Format("%d of %d in the main map, %d points", Count(summary_, "keyframes_in_main"),
                             Count(summary_, "keyframes_total"), Count(summary_, "points_in_main")));
-    if (const Json images = summary_.value("images", Json::object()); Count(images, "stored") > 0) {
+    if (const OrderedJson images = summary_.value("images", OrderedJson::object()); Count(images, "stored") > 0) {
       const int missing = Count(images, "missing");
       Add("images", "of " + Plural(Count(images, "stored"), "keyframe") +
                         (missing > 0 ? Format(", %d are missing", missing) : ""));
@@ -162,7 +159,7 @@ class SummaryTable {
                      Number(frontend_, "track_ms_p95"));
     }
     Add("time", time);
-    for (const Json& process : summary_.value("processes", Json::array())) {
+    for (const OrderedJson& process : summary_.value("processes", OrderedJson::array())) {
       Add(process.value("name", "").c_str(),
           Format("%7.1f CPU s %7.0f MB", Number(process, "cpu_s"), Number(process, "peak_rss_mb")));
     }
@@ -171,14 +168,14 @@ class SummaryTable {
   void AddProfile() {
     if (!frontend_.contains("profile")) return;
     table_ += Format("  %-20s %8s %11s %9s %9s\n", "stage", "frames", "median ms", "p95 ms", "total s");
-    for (const Json& stage : frontend_["profile"]) {
+    for (const OrderedJson& stage : frontend_["profile"]) {
       table_ += Format("  %-20s %8d %11.2f %9.2f %9.2f\n", stage.value("stage", "").c_str(), Count(stage, "frames"),
                        Number(stage, "median_ms"), Number(stage, "p95_ms"), Number(stage, "total_s"));
     }
   }
 
-  const Json& summary_;
-  const Json frontend_;
+  const OrderedJson& summary_;
+  const OrderedJson frontend_;
   const int frames_;
   std::string table_;
 };
@@ -191,23 +188,23 @@ std::optional<ShutterFigures> FindShutter(const HealthMonitor::Entry* merger) {
   return ShutterFigures{*readout_ms, CounterOr(merger, "readout_by_columns", 0) > 0};
 }
 
-Json ReadSummary(const std::string& out) {
+OrderedJson ReadSummary(const std::string& out) {
   const std::string path = out + "/summary.json";
   try {
-    Json summary = Json::parse(ReadFile(path));
+    OrderedJson summary = OrderedJson::parse(ReadFile(path));
     if (summary.is_object()) return summary;
-  } catch (const Json::exception&) {
+  } catch (const OrderedJson::exception&) {
   }
   throw std::runtime_error(path + " is not a JSON object");
 }
 
 void CompleteSummary(const std::string& out, const LauncherFigures& figures) {
-  Json summary = ReadSummary(out);
+  OrderedJson summary = ReadSummary(out);
   std::filesystem::path folder = std::filesystem::absolute(out).lexically_normal();
   if (folder.filename().empty()) folder = folder.parent_path();  // "results/"
   summary["title"] = figures.title.empty() ? folder.filename().string() : figures.title;
   summary["wall_s"] = figures.wall_s;
-  Json frontend = Json::object();
+  OrderedJson frontend = OrderedJson::object();
   if (!figures.mode.empty()) {
     frontend["mode"] = figures.mode;
     frontend["frames_dropped"] = figures.frames_dropped;
@@ -218,12 +215,12 @@ void CompleteSummary(const std::string& out, const LauncherFigures& figures) {
   if (figures.track_ms_median) frontend["track_ms_median"] = *figures.track_ms_median;
   if (figures.track_ms_p95) frontend["track_ms_p95"] = *figures.track_ms_p95;
   if (!figures.profile_json.empty()) {
-    const Json profile = Json::parse(figures.profile_json, nullptr, false);
+    const OrderedJson profile = OrderedJson::parse(figures.profile_json, nullptr, false);
     if (!profile.is_array()) throw std::runtime_error("the frontend's profile is not a JSON array");
     frontend["profile"] = profile;
   }
   summary["frontend"] = frontend;
-  Json processes = Json::array();
+  OrderedJson processes = OrderedJson::array();
   for (const auto& [name, usage] : figures.processes) {
     processes.push_back({{"name", name}, {"cpu_s", usage.cpu_s}, {"peak_rss_mb", usage.peak_rss_mb}});
   }
@@ -239,7 +236,7 @@ void CompleteSummary(const std::string& out, const LauncherFigures& figures) {
 }
 
 std::string FormatSummaryTable(const std::string& out) {
-  const Json summary = ReadSummary(out);
+  const OrderedJson summary = ReadSummary(out);
   return SummaryTable(summary).Text();
 }
 

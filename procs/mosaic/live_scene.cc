@@ -11,18 +11,12 @@
 namespace mapmend {
 namespace {
 
-constexpr double kEarthRadius = kHalfWorld / M_PI;
-
 // West, south, east, north in degrees, as MBTiles want them.
 std::string DegreesText(const GroundBounds& on_square) {
-  const auto longitude = [](double x) { return x / kEarthRadius * 180 / M_PI; };
-  const auto latitude = [](double y) { return std::atan(std::sinh(y / kEarthRadius)) * 180 / M_PI; };
+  const auto longitude = [](double x) { return x / kMercatorRadius * 180 / M_PI; };
+  const auto latitude = [](double y) { return std::atan(std::sinh(y / kMercatorRadius)) * 180 / M_PI; };
   return Format("%.9f,%.9f,%.9f,%.9f", longitude(on_square.low.x()), latitude(on_square.low.y()),
                 longitude(on_square.high.x()), latitude(on_square.high.y()));
-}
-
-nlohmann::json ToJson(const GroundBounds& bounds) {
-  return {bounds.low.x(), bounds.low.y(), bounds.high.x(), bounds.high.y()};
 }
 
 }  // namespace

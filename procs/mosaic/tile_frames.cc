@@ -6,6 +6,7 @@
 #include <numeric>
 #include <utility>
 
+#include "libs/base/degree.h"
 #include "libs/base/median.h"
 #include "libs/map_view/image_pixels.h"
 #include "libs/map_view/level_frame.h"
@@ -16,12 +17,9 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr double kEarthRadius = kHalfWorld / M_PI;  // of the sphere that web maps take
-constexpr double kDegree = M_PI / 180;
-
 Eigen::Vector2d ToMercator(const Geodetic& place) {
-  return {kEarthRadius * place.longitude_deg * kDegree,
-          kEarthRadius * std::asinh(std::tan(place.latitude_deg * kDegree))};
+  return {kMercatorRadius * place.longitude_deg * kDegree,
+          kMercatorRadius * std::asinh(std::tan(place.latitude_deg * kDegree))};
 }
 
 // What a component's cameras see, roughly, in a frame with z up.
@@ -65,9 +63,9 @@ bool Overlap(const GroundBounds& a, const GroundBounds& b) {
   return (a.high.array() > b.low.array()).all() && (a.low.array() < b.high.array()).all();
 }
 
-Json ToJson(const GroundBounds& bounds) { return {bounds.low.x(), bounds.low.y(), bounds.high.x(), bounds.high.y()}; }
-
 }  // namespace
+
+Json ToJson(const GroundBounds& bounds) { return {bounds.low.x(), bounds.low.y(), bounds.high.x(), bounds.high.y()}; }
 
 struct TileFrames::Inputs {
   const Snapshot& snapshot;

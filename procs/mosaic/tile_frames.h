@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -35,6 +36,9 @@ struct MapPart {
   std::vector<Eigen::Vector3d> points;  // root's frame
 };
 std::vector<MapPart> PartsOf(const Snapshot& snapshot);
+
+// [west, south, east, north] in the units of the tiles.
+nlohmann::json ToJson(const GroundBounds& bounds);
 
 // Where the parts of a growing map lie on the tiles. What is only a little better than before is not taken over, since
 // everything would have to be drawn again: on the earth a part stays where it is until it belongs elsewhere; without

@@ -12,7 +12,7 @@ namespace {
 // The log can begin anew only when all of it is in the file. Under steady writing a passive checkpoint may never be
 // that far: beyond this size one commit has to wait for it.
 constexpr uintmax_t kMaxWalBytes = 32 << 20;
-constexpr int kBusyTimeoutMs = 1000;
+constexpr int kCheckpointTimeoutMs = 1000;
 constexpr auto kMaxWait = std::chrono::seconds(1);  // for a commit to begin after
 
 void Checkpoint(SQLite::Database* database, const std::string& path) {
@@ -47,7 +47,7 @@ void Checkpointer::OnCommit() {
 
 void Checkpointer::Run(const std::string& path, int interval_ms) {
   try {
-    SQLite::Database database(path, SQLite::OPEN_READWRITE, kBusyTimeoutMs);
+    SQLite::Database database(path, SQLite::OPEN_READWRITE, kCheckpointTimeoutMs);
     database.exec("PRAGMA wal_autocheckpoint = 0");
     database.exec("PRAGMA synchronous = FULL");
     std::unique_lock lock(mutex_);

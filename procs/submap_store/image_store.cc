@@ -20,7 +20,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int64_t kMaxReplyBytesAtOnce = 4 << 20;
+constexpr int64_t kMaxImageBytesAtOnce = 4 << 20;
 constexpr auto kLookInterval = std::chrono::seconds(1);
 // After a failure of the disk.
 constexpr auto kPause = std::chrono::milliseconds(500);
@@ -181,7 +181,7 @@ struct ImageStore::Impl {
           if (const auto request = wanted.NextRequest(session, Clock::now()))
             bus.Publish(channels::kImageRequest, *request);
         }
-        requests.Answer(Milliseconds(Clock::now()), kMaxReplyBytesAtOnce);
+        requests.Answer(Milliseconds(Clock::now()), kMaxImageBytesAtOnce);
       } catch (const std::exception& e) {
         if (!std::exchange(is_failing, true)) spdlog::error("{}", e.what());
         std::this_thread::sleep_for(kPause);

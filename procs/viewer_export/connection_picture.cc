@@ -15,7 +15,7 @@ namespace {
 constexpr int kGap = 6, kHeading = 30;  // pixels
 constexpr int kJpegQuality = 80;
 constexpr int kFractionBits = 4;  // of coordinates in drawing
-const cv::Scalar kGreen(80, 220, 60), kOrange(0, 140, 255), kPaper(255, 255, 255), kInk(40, 40, 40),
+const cv::Scalar kGreen(80, 220, 60), kOrange(0, 140, 255), kPaper(255, 255, 255), kDark(40, 40, 40),
     kNone(200, 200, 200);
 
 // One of the two keyframes as it is drawn.
@@ -76,7 +76,7 @@ void Write(cv::Mat* canvas, const std::string& text, int x, int width) {
   double size = 0.55;
   const int needed = cv::getTextSize(text, kFont, size, 1, &baseline).width;
   if (needed > width) size *= static_cast<double>(width) / needed;
-  cv::putText(*canvas, text, {x, kHeading - 9}, kFont, size, kInk, 1, cv::LINE_AA);
+  cv::putText(*canvas, text, {x, kHeading - 9}, kFont, size, kDark, 1, cv::LINE_AA);
 }
 
 }  // namespace

@@ -9,20 +9,20 @@
 namespace mapmend {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
 const char* KindName(Gap::Kind kind) {
   return kind == Gap::Kind::kStretch ? "stretch" : kind == Gap::Kind::kConnection ? "connection" : "ground";
 }
 
 // Longitude and latitude of a place on the plane of the report.
-Json LonLat(const WorldPlacement& world, const Eigen::Vector2d& enu) {
+OrderedJson LonLat(const WorldPlacement& world, const Eigen::Vector2d& enu) {
   const Geodetic place = world.frame.ToGeodetic({enu.x(), enu.y(), 0});
   return {std::round(place.longitude_deg * 1e9) / 1e9, std::round(place.latitude_deg * 1e9) / 1e9};
 }
 
-Json Properties(const Gap& gap) {
-  Json json = {{"kind", KindName(gap.kind)}, {"text", gap.text}};
+OrderedJson Properties(const Gap& gap) {
+  OrderedJson json = {{"kind", KindName(gap.kind)}, {"text", gap.text}};
   if (gap.kind == Gap::Kind::kStretch) {
     json["first_frame"] = gap.first_frame;
     json["last_frame"] = gap.last_frame;
@@ -39,14 +39,14 @@ Json Properties(const Gap& gap) {
   return json;
 }
 
-Json Geometry(const Gap& gap, const WorldPlacement& world) {
-  Json coordinates = Json::array();
+OrderedJson Geometry(const Gap& gap, const WorldPlacement& world) {
+  OrderedJson coordinates = OrderedJson::array();
   if (gap.kind != Gap::Kind::kGround) {
     for (const Eigen::Vector3d& p : gap.line) coordinates.push_back(LonLat(world, p.head<2>()));
     return {{"type", "LineString"}, {"coordinates", coordinates}};
   }
   for (const std::vector<Eigen::Vector2d>& ring : gap.region.rings) {
-    Json points = Json::array();
+    OrderedJson points = OrderedJson::array();
     for (size_t i = 0; i <= ring.size(); ++i) points.push_back(LonLat(world, ring[i % ring.size()]));
     coordinates.push_back(points);
   }
@@ -58,7 +58,7 @@ bool HasPlace(const Gap& gap) { return gap.kind == Gap::Kind::kGround || gap.lin
 std::string KmlRing(const std::vector<Eigen::Vector2d>& ring, const WorldPlacement& world) {
   std::string text = "<LinearRing><coordinates>";
   for (size_t i = 0; i <= ring.size(); ++i) {
-    const Json at = LonLat(world, ring[i % ring.size()]);
+    const OrderedJson at = LonLat(world, ring[i % ring.size()]);
     text += Format("%.8f,%.8f ", at[0].get<double>(), at[1].get<double>());
   }
   return text + "</coordinates></LinearRing>";
@@ -67,7 +67,7 @@ std::string KmlRing(const std::vector<Eigen::Vector2d>& ring, const WorldPlaceme
 }  // namespace
 
 std::string MakeGapsJson(const GapReport& report) {
-  Json json = {{"unit", report.Unit()}};
+  OrderedJson json = {{"unit", report.Unit()}};
   if (report.has_ground) {
     json["area_seen"] = report.coverage.area_seen;
     json["area_seen_by_enough"] = report.coverage.area_enough;
@@ -89,9 +89,9 @@ std::string MakeGapsJson(const GapReport& report) {
   } else {
     json["problem"] = "no ground is seen from above, so nothing can be said of where the map is thin";
   }
-  json["list"] = Json::array();
+  json["list"] = OrderedJson::array();
   for (const Gap& gap : report.gaps) json["list"].push_back(Properties(gap));
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
 }
 
 std::string MakeGapsGeoJson(const GapReport& report, const WorldPlacement& world) {
@@ -99,8 +99,9 @@ std::string MakeGapsGeoJson(const GapReport& report, const WorldPlacement& world
   const char* between = "\n";
   for (const Gap& gap : report.gaps) {
     if (!HasPlace(gap)) continue;
-    const Json feature = {{"type", "Feature"}, {"properties", Properties(gap)}, {"geometry", Geometry(gap, world)}};
-    text += between + feature.dump(-1, ' ', false, Json::error_handler_t::replace);
+    const OrderedJson feature = {
+        {"type", "Feature"}, {"properties", Properties(gap)}, {"geometry", Geometry(gap, world)}};
+    text += between + feature.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
     between = ",\n";
   }
   return text + "\n]}\n";
@@ -123,7 +124,7 @@ std::string MakeGapsKmlFolder(const GapReport& report, const WorldPlacement& wor
     } else {
       text += "<LineString><tessellate>1</tessellate><coordinates>";
       for (const Eigen::Vector3d& p : gap.line) {
-        const Json at = LonLat(world, p.head<2>());
+        const OrderedJson at = LonLat(world, p.head<2>());
         text += Format("%.8f,%.8f ", at[0].get<double>(), at[1].get<double>());
       }
       text += "</coordinates></LineString>";

@@ -7,13 +7,13 @@
 #include "libs/drawing/svg_canvas.h"
 #include "libs/drawing/top_view.h"
 #include "procs/viewer_export/gap_export.h"
+#include "procs/viewer_export/picture_colors.h"
 
 namespace mapmend {
 namespace {
 
 constexpr double kMargin = 20, kTitleHeight = 56, kLegendWidth = 190, kLongSide = 620;
 constexpr int kMostRows = 220;  // of rectangles
-constexpr char kMuted[] = "#6b7785", kRed[] = "#d6212b";
 constexpr const char* kSteps[] = {"#f6c9a0", "#f2e29b", "#cfe6b0", "#a5d6a0", "#74bf8b"};
 constexpr const char* kStepNames[] = {"1 keyframe", "2 keyframes", "3 to 4", "5 to 8", "more than 8"};
 

@@ -3,15 +3,15 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "libs/base/degree.h"
 #include "libs/base/text_format.h"
 #include "procs/viewer_export/gap_export.h"
 
 namespace mapmend {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
-constexpr double kDegree = M_PI / 180;
 // MAVLink commands and the frame of heights above home (mavlink.io, common message set).
 constexpr int kWaypoint = 16, kReturn = 20, kTakeoff = 22, kCameraTrigger = 206, kMountControl = 205;
 constexpr int kRelativeAltitude = 3, kMissionFrame = 2;
@@ -147,16 +147,16 @@ std::string MakeQgcPlan(const GapReport& report, const WorldPlacement& world) {
   const std::vector<MissionItem> items = MakeMission(report, world);
   if (items.empty()) return "";
   const Geodetic home = HomeOf(items, report, world);
-  Json list = Json::array();
+  OrderedJson list = OrderedJson::array();
   for (size_t i = 0; i < items.size(); ++i) {
     const MissionItem& item = items[i];
     const bool has_place = item.frame == kRelativeAltitude;
-    Json params = {item.params[0],          item.params[1],           item.params[2],       item.params[3],
-                   item.place.latitude_deg, item.place.longitude_deg, item.place.altitude_m};
+    OrderedJson params = {item.params[0],          item.params[1],           item.params[2],       item.params[3],
+                          item.place.latitude_deg, item.place.longitude_deg, item.place.altitude_m};
     if (item.command == kMountControl) params[6] = 2;  // MAV_MOUNT_MODE_MAVLINK_TARGETING
     if (has_place) params[3] = nullptr;                // whichever way it flies
-    Json json = {{"autoContinue", true}, {"command", item.command}, {"doJumpId", i + 1},
-                 {"frame", item.frame},  {"params", params},        {"type", "SimpleItem"}};
+    OrderedJson json = {{"autoContinue", true}, {"command", item.command}, {"doJumpId", i + 1},
+                        {"frame", item.frame},  {"params", params},        {"type", "SimpleItem"}};
     if (has_place) {
       json["AMSLAltAboveTerrain"] = nullptr;
       json["Altitude"] = item.place.altitude_m;
@@ -165,19 +165,20 @@ std::string MakeQgcPlan(const GapReport& report, const WorldPlacement& world) {
     list.push_back(json);
   }
   const double speed = std::clamp(report.style.speed, 1.0, 15.0);
-  const Json plan = {{"fileType", "Plan"},
-                     {"version", 1},
-                     {"groundStation", "QGroundControl"},
-                     {"geoFence", {{"circles", Json::array()}, {"polygons", Json::array()}, {"version", 2}}},
-                     {"rallyPoints", {{"points", Json::array()}, {"version", 2}}},
-                     {"mission",
-                      {{"version", 2},
-                       {"firmwareType", 12},
-                       {"vehicleType", 2},
-                       {"cruiseSpeed", std::max(15.0, speed)},
-                       {"hoverSpeed", speed},
-                       {"plannedHomePosition", {home.latitude_deg, home.longitude_deg, home.altitude_m}},
-                       {"items", list}}}};
+  const OrderedJson plan = {
+      {"fileType", "Plan"},
+      {"version", 1},
+      {"groundStation", "QGroundControl"},
+      {"geoFence", {{"circles", OrderedJson::array()}, {"polygons", OrderedJson::array()}, {"version", 2}}},
+      {"rallyPoints", {{"points", OrderedJson::array()}, {"version", 2}}},
+      {"mission",
+       {{"version", 2},
+        {"firmwareType", 12},
+        {"vehicleType", 2},
+        {"cruiseSpeed", std::max(15.0, speed)},
+        {"hoverSpeed", speed},
+        {"plannedHomePosition", {home.latitude_deg, home.longitude_deg, home.altitude_m}},
+        {"items", list}}}};
   return plan.dump(2) + "\n";
 }
 

@@ -8,6 +8,7 @@
 #include <set>
 #include <utility>
 
+#include "libs/base/degree.h"
 #include "libs/base/median.h"
 #include "libs/base/rounded.h"
 #include "libs/base/text_format.h"
@@ -15,8 +16,6 @@
 
 namespace mapmend {
 namespace {
-
-constexpr double kDegree = M_PI / 180;
 
 std::string PartName(int component) { return component == 0 ? "the main map" : "part " + std::to_string(component); }
 

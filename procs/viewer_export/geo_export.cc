@@ -13,7 +13,7 @@
 namespace mapmend {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
 // A feature before it is written in one or the other format.
 struct Feature {
@@ -21,12 +21,12 @@ struct Feature {
   Kind kind = Kind::kPoint;
   std::string folder, name, description, color;  // color: "#rrggbb"
   std::vector<Geodetic> places;                  // of a polygon: without the first one again
-  Json properties = Json::object();
+  OrderedJson properties = OrderedJson::object();
 };
 
 double Rounded(double value, double unit) { return std::round(value / unit) * unit; }
 
-Json Coordinates(const Geodetic& place) {
+OrderedJson Coordinates(const Geodetic& place) {
   return {Rounded(place.longitude_deg, 1e-9), Rounded(place.latitude_deg, 1e-9), Rounded(place.altitude_m, 1e-3)};
 }
 
@@ -157,13 +157,13 @@ class FeatureList {
   std::vector<Feature> features_;
 };
 
-Json Geometry(const Feature& feature) {
-  Json coordinates = Json::array();
+OrderedJson Geometry(const Feature& feature) {
+  OrderedJson coordinates = OrderedJson::array();
   for (const Geodetic& place : feature.places) coordinates.push_back(Coordinates(place));
   if (feature.kind == Feature::Kind::kPoint) return {{"type", "Point"}, {"coordinates", coordinates[0]}};
   if (feature.kind == Feature::Kind::kLine) return {{"type", "LineString"}, {"coordinates", coordinates}};
   coordinates.push_back(coordinates[0]);
-  return {{"type", "Polygon"}, {"coordinates", Json::array({coordinates})}};
+  return {{"type", "Polygon"}, {"coordinates", OrderedJson::array({coordinates})}};
 }
 
 // KML has aabbggrr.
@@ -209,12 +209,13 @@ std::string MakePathGeoJson(const Snapshot& snapshot, const WorldPlacement& worl
   std::string text = "{\"type\": \"FeatureCollection\", \"features\": [\n";
   for (size_t i = 0; i < list.features().size(); ++i) {
     const Feature& feature = list.features()[i];
-    Json properties = feature.properties;
+    OrderedJson properties = feature.properties;
     properties["name"] = feature.name;
     if (!feature.description.empty()) properties["description"] = feature.description;
     properties["color"] = feature.color;
-    const Json json = {{"type", "Feature"}, {"properties", properties}, {"geometry", Geometry(feature)}};
-    text += json.dump(-1, ' ', false, Json::error_handler_t::replace) + (i + 1 < list.features().size() ? ",\n" : "\n");
+    const OrderedJson json = {{"type", "Feature"}, {"properties", properties}, {"geometry", Geometry(feature)}};
+    text += json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace) +
+            (i + 1 < list.features().size() ? ",\n" : "\n");
   }
   return text + "]}\n";
 }

@@ -7,6 +7,7 @@
 
 #include "libs/drawing/svg_canvas.h"
 #include "procs/viewer_export/graph_export.h"
+#include "procs/viewer_export/picture_colors.h"
 
 namespace mapmend {
 namespace {
@@ -20,7 +21,7 @@ constexpr double kLabelWidth = 150, kLabelHeight = 36;  // narrower than two lan
 constexpr size_t kMostLabelledExtras =
     8;                                // accepted connections off the tree get a label while there are no more of them
 constexpr size_t kMostRejected = 12;  // more rejected ones are only counted
-constexpr char kInk[] = "#1f2933", kMuted[] = "#6b7785", kRed[] = "#d6212b", kExtra[] = "#8c97a3", kFaint[] = "#c3cad2";
+constexpr char kExtra[] = "#8c97a3", kFaint[] = "#c3cad2";
 
 struct Bracket {
   const GraphEdge* edge = nullptr;

@@ -34,6 +34,10 @@ void AppendNumber(uint32_t number, std::string* bytes) {
 
 }  // namespace
 
+std::string JsonText(const nlohmann::json& json) {
+  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
 LiveFeed::LiveFeed() : epoch_(NewEpoch()) {}
 
 void LiveFeed::Add(int32_t table, uint32_t row) {

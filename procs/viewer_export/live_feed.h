@@ -4,6 +4,7 @@
 #include <deque>
 #include <map>
 #include <mutex>
+#include <nlohmann/json_fwd.hpp>
 #include <set>
 #include <string>
 #include <string_view>
@@ -11,6 +12,9 @@
 #include <vector>
 
 namespace mapmend {
+
+// Compact; bytes that are not UTF-8 are replaced.
+std::string JsonText(const nlohmann::json& json);
 
 // What the live page is told: named values, and tables of rows of bytes. Each of them has the number of its last
 // change, so that a page that has seen all changes up to some number needs only what has changed since: what it gets

@@ -23,9 +23,7 @@ using Json = nlohmann::json;
 constexpr size_t kMostGaps = 100;
 constexpr size_t kMostRingPoints = 200;  // of the outline of a gap
 
-std::string Text(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
-
-std::string Percent(double part, double whole) {
+std::string Share(double part, double whole) {
   if (whole <= 0) return "";
   char text[32];
   std::snprintf(text, sizeof(text), "%.1f %%", 100 * part / whole);
@@ -44,18 +42,18 @@ void PublishFigures(const Snapshot& snapshot, LiveFeed* feed) {
   for (const GraphEdge& e : connections)
     accepted += e.connection->verdict == EvaluatedConnection::Verdict::kAccepted ? 1 : 0;
   const int tracked = snapshot.num_frames_tracked, in = snapshot.num_frames_in;
-  feed->Set("figures", Text({{"frames_in", in},
-                             {"frames_tracked", tracked},
-                             {"frames_in_main", main},
-                             {"share_tracked", Percent(tracked, in)},
-                             {"share_in_main", Percent(static_cast<double>(main), tracked)},
-                             {"submaps", snapshot.submaps.size()},
-                             {"losses", losses},
-                             {"parts", snapshot.components.size()},
-                             {"connections_accepted", accepted},
-                             {"connections_evaluated", connections.size()},
-                             {"keyframes", keyframes},
-                             {"points", points}}));
+  feed->Set("figures", JsonText({{"frames_in", in},
+                                 {"frames_tracked", tracked},
+                                 {"frames_in_main", main},
+                                 {"share_tracked", Share(tracked, in)},
+                                 {"share_in_main", Share(static_cast<double>(main), tracked)},
+                                 {"submaps", snapshot.submaps.size()},
+                                 {"losses", losses},
+                                 {"parts", snapshot.components.size()},
+                                 {"connections_accepted", accepted},
+                                 {"connections_evaluated", connections.size()},
+                                 {"keyframes", keyframes},
+                                 {"points", points}}));
 }
 
 // Table 1 of the paper, as far as the flight has come.
@@ -84,7 +82,7 @@ void PublishRestoration(const Snapshot& snapshot, LiveFeed* feed) {
     row["maps"] = maps;
     rows.push_back(std::move(row));
   }
-  feed->Set("restoration", Text(rows));
+  feed->Set("restoration", JsonText(rows));
 }
 
 Json Ring(const std::vector<Eigen::Vector2d>& ring) {
@@ -114,11 +112,11 @@ void PublishGaps(const GapReport& report, LiveFeed* feed) {
     }
     list.push_back(std::move(json));
   }
-  feed->Set("gaps", Text({{"unit", report.Unit()},
-                          {"placed", report.is_placed},
-                          {"ground", report.has_ground},
-                          {"area_seen", report.has_ground ? report.coverage.area_seen : 0},
-                          {"list", list}}));
+  feed->Set("gaps", JsonText({{"unit", report.Unit()},
+                              {"placed", report.is_placed},
+                              {"ground", report.has_ground},
+                              {"area_seen", report.has_ground ? report.coverage.area_seen : 0},
+                              {"list", list}}));
 }
 
 // The page shows parts upright: on the earth where that is known, with the frame of the gaps, else level.
@@ -139,7 +137,8 @@ void PublishFrames(const GapReport& gaps, Snapshot placed, Similarity3* main_fra
       page_from_root = component.frame_from_root;
     }
     const std::string name = "frame/" + PageKey(*placed.model, placed.submaps[component.root].key);
-    feed->Set(name, Text({{"name", frame}, {"unit", unit}, {"part", c}, {"page_from_root", ToArray(page_from_root)}}));
+    feed->Set(name,
+              JsonText({{"name", frame}, {"unit", unit}, {"part", c}, {"page_from_root", ToArray(page_from_root)}}));
     names.insert(name);
     if (c == 0) *main_frame = page_from_root;
   }
@@ -189,7 +188,7 @@ void LiveOverview::PublishMosaic(const MapModel& model, LiveFeed* feed) {
   if (picture == mosaic_) return;
   mosaic_ = picture;
   const Json json = DescribePicture(model, options_.placement, main_frame_, options_.files);
-  if (!json.is_null()) feed->Set("mosaic", Text(json));
+  if (!json.is_null()) feed->Set("mosaic", JsonText(json));
 }
 
 void LiveOverview::Publish(const MapModel& model, bool is_final, LiveFeed* feed) {

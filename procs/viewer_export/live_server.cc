@@ -28,7 +28,7 @@ using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
 constexpr int kMaxFilesAtOnce = 8;  // so that workers are left for the page
-constexpr milliseconds kPatience(15000);
+constexpr milliseconds kAnswerPatience(15000);
 constexpr milliseconds kFlush(500);
 constexpr int kWrongTokens = 5;  // within the interval; afterwards none is looked at for so long
 constexpr milliseconds kTokenInterval(10000);
@@ -177,7 +177,7 @@ void LiveServer::Impl::AnswerWithTile(const std::string& path, httplib::Response
 }
 
 void LiveServer::Impl::AnswerByQuestion(const LiveQuestions::Question& question, httplib::Response* response) const {
-  const LiveQuestions::Answer answer = questions->Ask(question, kPatience);
+  const LiveQuestions::Answer answer = questions->Ask(question, kAnswerPatience);
   response->status = answer.status;
   response->set_content(answer.content, answer.type.c_str());
 }

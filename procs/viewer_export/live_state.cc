@@ -19,8 +19,6 @@ using Json = nlohmann::json;
 
 constexpr size_t kMostPairs = 60;  // of connected frames of an edge, that are listed
 
-std::string Text(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
-
 bool IsLost(const Submap& submap) { return submap.ended && submap.end_reason != "end_of_input"; }
 
 struct Counts {
@@ -102,7 +100,7 @@ void PublishRun(const MapModel& model, const LiveInputs& inputs, const LiveRun& 
   const MergedTransforms& merged = model.Revision().transforms;
   json["revision"] = merged.revision;
   json["refined"] = merged.refined;
-  feed->Set("run", Text(json));
+  feed->Set("run", JsonText(json));
 }
 
 void PublishSessions(const MapModel& model, LiveFeed* feed) {
@@ -110,19 +108,19 @@ void PublishSessions(const MapModel& model, LiveFeed* feed) {
     const Session& session = model.GetSession(model.SessionOrder()[i]);
     const Pinhole& camera = session.info.pinhole;
     feed->Set("session/" + std::to_string(i),
-              Text({{"id", session.id},
-                    {"vehicle", session.info.vehicle},
-                    {"source", session.info.source},
-                    {"start", session.start_utime},
-                    {"last", model.LastUtime(session.id)},
-                    {"ended", session.ended},
-                    {"frames", session.ended ? session.num_frames : session.info.num_frames},
-                    {"width", camera.width},
-                    {"height", camera.height},
-                    {"fx", camera.fx},
-                    {"fy", camera.fy},
-                    {"cx", camera.cx},
-                    {"cy", camera.cy}}));
+              JsonText({{"id", session.id},
+                        {"vehicle", session.info.vehicle},
+                        {"source", session.info.source},
+                        {"start", session.start_utime},
+                        {"last", model.LastUtime(session.id)},
+                        {"ended", session.ended},
+                        {"frames", session.ended ? session.num_frames : session.info.num_frames},
+                        {"width", camera.width},
+                        {"height", camera.height},
+                        {"fx", camera.fx},
+                        {"fy", camera.fy},
+                        {"cx", camera.cx},
+                        {"cy", camera.cy}}));
   }
 }
 
@@ -171,7 +169,7 @@ void PublishSubmaps(const MapModel& model, LiveFeed* feed) {
         json["place"] = ToArray(place->root_from_submap);
       }
       highest = std::max(highest, id.value);
-      feed->Set("submap/" + PageKey(model, key), Text(json));
+      feed->Set("submap/" + PageKey(model, key), JsonText(json));
     }
     offset += highest + 1;
   }
@@ -225,7 +223,7 @@ void PublishEdges(const MapModel& model, const std::vector<EdgeDecision>& decisi
   for (const EvaluatedConnection& c : model.Revision().connections) {
     if (!is_known(c.a) || !is_known(c.b)) continue;
     const std::string name = "edge/" + PageKey(model, c.a) + "|" + PageKey(model, c.b);
-    feed->Set(name, Text(DescribeEdge(model, c, IsDisabled(c, decisions))));
+    feed->Set(name, JsonText(DescribeEdge(model, c, IsDisabled(c, decisions))));
     names.insert(name);
   }
   feed->KeepOnly("edge/", names);
@@ -241,7 +239,7 @@ void PublishPose(const MapModel& model, const FramePose& pose, LiveFeed* feed) {
     json["submap"] = PageKey(model, pose.submap);
     json["cam_from_submap"] = ToArray(pose.cam_from_submap);
   }
-  feed->Set("pose", Text(json));
+  feed->Set("pose", JsonText(json));
 }
 
 void PublishProcesses(const MapModel& model, const LiveInputs& inputs, LiveFeed* feed) {
@@ -262,16 +260,16 @@ void PublishProcesses(const MapModel& model, const LiveInputs& inputs, LiveFeed*
     const auto rounded = [](double value, double step) { return std::round(value / step) * step; };
     Json counters = Json::object();
     for (const auto& [counter, value] : health.counters) counters[counter] = rounded(value, 0.01);
-    feed->Set("process/" + name, Text({{"name", health.process},
-                                       {"vehicle", vehicle},
-                                       {"pid", health.pid},
-                                       {"state", health.state},
-                                       {"message", health.message},
-                                       {"silent_s", silent < 3 ? 0 : std::floor(silent / 5) * 5 + 3},
-                                       {"cpu_s", rounded(health.cpu_s, 0.1)},
-                                       {"rss_mb", rounded(health.rss_mb, 1)},
-                                       {"queue", health.queue_depth},
-                                       {"counters", counters}}));
+    feed->Set("process/" + name, JsonText({{"name", health.process},
+                                           {"vehicle", vehicle},
+                                           {"pid", health.pid},
+                                           {"state", health.state},
+                                           {"message", health.message},
+                                           {"silent_s", silent < 3 ? 0 : std::floor(silent / 5) * 5 + 3},
+                                           {"cpu_s", rounded(health.cpu_s, 0.1)},
+                                           {"rss_mb", rounded(health.rss_mb, 1)},
+                                           {"queue", health.queue_depth},
+                                           {"counters", counters}}));
   }
 }
 

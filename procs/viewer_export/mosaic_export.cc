@@ -20,7 +20,7 @@ namespace mapmend {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
 // The keyframes of a component, and how to read their images.
 struct Source {
@@ -82,12 +82,12 @@ GroundRaster InFull(GroundRaster raster, const FrameOfReference& frame) {
 std::string Nothing(const std::string& folder, const std::string& why) {
   std::error_code ignored;
   for (const std::string& file : MosaicFiles()) fs::remove(fs::path(folder) / file, ignored);
-  return Json({{"problem", why}}).dump();
+  return OrderedJson({{"problem", why}}).dump();
 }
 
 // The pictures themselves, and what mosaic.json says of them.
-Json WritePictures(Mosaic* mosaic, const FrameOfReference& frame, const MosaicExportOptions& options,
-                   const std::function<void(double)>& progress, const fs::path& folder) {
+OrderedJson WritePictures(Mosaic* mosaic, const FrameOfReference& frame, const MosaicExportOptions& options,
+                          const std::function<void(double)>& progress, const fs::path& folder) {
   const GroundRaster raster = mosaic->Raster(), in_full = InFull(raster, frame);
   MosaicPreview preview(raster, options.preview_px);
   GeoTiffWriter picture((folder / "mosaic.tif").string(), in_full, frame.epsg);
@@ -145,7 +145,7 @@ std::string ExportMosaic(Snapshot snapshot, int component, const FetchImage& ima
                           high(options.bounds[2], options.bounds[3]);
     mosaic.Crop({low - origin, high - origin});
   }
-  Json json = WritePictures(&mosaic, frame, options, progress, folder);
+  OrderedJson json = WritePictures(&mosaic, frame, options, progress, folder);
   json["images_missing"] = mosaic.NumMissing();
   WriteFile((fs::path(folder) / "mosaic.json").string(), json.dump(1) + "\n");
   return json.dump();

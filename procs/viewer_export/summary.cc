@@ -13,16 +13,16 @@
 namespace mapmend {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
-void AddErrors(const Evaluation& evaluation, Json* json) {
+void AddErrors(const Evaluation& evaluation, OrderedJson* json) {
   if (!evaluation.success) return;
   (*json)["ate_rmse_m"] = evaluation.rmse;
   (*json)["ate_median_m"] = evaluation.median;
   (*json)["ate_max_m"] = evaluation.max;
 }
 
-void AddDepthShare(const SnapshotSubmap& submap, const DepthShare& share, Json* json) {
+void AddDepthShare(const SnapshotSubmap& submap, const DepthShare& share, OrderedJson* json) {
   if (share.median_depth <= 0) return;
   (*json)["scene_depth_m"] = share.median_depth;
   (*json)["max_error_of_depth"] = share.largest;
@@ -31,8 +31,8 @@ void AddDepthShare(const SnapshotSubmap& submap, const DepthShare& share, Json* 
   }
 }
 
-Json Sessions(const Snapshot& snapshot) {
-  Json sessions = Json::array();
+OrderedJson Sessions(const Snapshot& snapshot) {
+  OrderedJson sessions = OrderedJson::array();
   std::map<int, int> in_main;  // frames, by session
   if (!snapshot.components.empty()) {
     for (const MergedFrame& frame : snapshot.components[0].frames) ++in_main[frame.session];
@@ -57,8 +57,8 @@ Json Sessions(const Snapshot& snapshot) {
   return sessions;
 }
 
-Json Holes(const std::vector<MapHole>& holes) {
-  Json list = Json::array();
+OrderedJson Holes(const std::vector<MapHole>& holes) {
+  OrderedJson list = OrderedJson::array();
   for (const MapHole& hole : holes) {
     list.push_back({{"session", hole.session},
                     {"first_frame", hole.first_frame},
@@ -68,24 +68,24 @@ Json Holes(const std::vector<MapHole>& holes) {
   return list;
 }
 
-Json Submaps(const Snapshot& snapshot, const MapEvaluation* evaluation) {
-  Json submaps = Json::array();
+OrderedJson Submaps(const Snapshot& snapshot, const MapEvaluation* evaluation) {
+  OrderedJson submaps = OrderedJson::array();
   for (size_t i = 0; i < snapshot.submaps.size(); ++i) {
     const SnapshotSubmap& s = snapshot.submaps[i];
-    Json json = {{"id", s.number},
-                 {"letters", SubmapLetters(static_cast<int>(i))},
-                 {"session", s.session},
-                 {"session_submap", s.key.submap.value},
-                 {"frames", s.frames.size()},
-                 {"keyframes", s.submap->keyframes.size()},
-                 {"points", s.submap->points.size()},
-                 {"component", s.component},
-                 {"is_root", s.is_root},
-                 {"first_frame", s.frames.empty() ? -1 : s.frames.front().frame},
-                 {"last_frame", s.frames.empty() ? -1 : s.frames.back().frame},
-                 {"end_reason", s.submap->end_reason},
-                 {"end_detail", s.submap->end_detail},
-                 {"root_from_submap", ToArray(s.root_from_submap)}};
+    OrderedJson json = {{"id", s.number},
+                        {"letters", SubmapLetters(static_cast<int>(i))},
+                        {"session", s.session},
+                        {"session_submap", s.key.submap.value},
+                        {"frames", s.frames.size()},
+                        {"keyframes", s.submap->keyframes.size()},
+                        {"points", s.submap->points.size()},
+                        {"component", s.component},
+                        {"is_root", s.is_root},
+                        {"first_frame", s.frames.empty() ? -1 : s.frames.front().frame},
+                        {"last_frame", s.frames.empty() ? -1 : s.frames.back().frame},
+                        {"end_reason", s.submap->end_reason},
+                        {"end_detail", s.submap->end_detail},
+                        {"root_from_submap", ToArray(s.root_from_submap)}};
     if (evaluation != nullptr) {
       AddErrors(evaluation->submaps[i], &json);
       AddDepthShare(s, evaluation->depth_shares[i], &json);
@@ -95,25 +95,26 @@ Json Submaps(const Snapshot& snapshot, const MapEvaluation* evaluation) {
   return submaps;
 }
 
-Json Components(const Snapshot& snapshot, const MapEvaluation* evaluation, const std::vector<size_t>& num_points) {
-  Json components = Json::array();
+OrderedJson Components(const Snapshot& snapshot, const MapEvaluation* evaluation,
+                       const std::vector<size_t>& num_points) {
+  OrderedJson components = OrderedJson::array();
   for (size_t c = 0; c < snapshot.components.size(); ++c) {
     const SnapshotComponent& component = snapshot.components[c];
-    Json numbers = Json::array();
+    OrderedJson numbers = OrderedJson::array();
     for (const int index : component.submaps) numbers.push_back(snapshot.submaps[index].number);
-    Json json = {{"root", snapshot.submaps[component.root].number},
-                 {"submaps", numbers},
-                 {"frames", component.frames.size()},
-                 {"keyframes", component.keyframes.size()},
-                 {"points", num_points[c]}};
+    OrderedJson json = {{"root", snapshot.submaps[component.root].number},
+                        {"submaps", numbers},
+                        {"frames", component.frames.size()},
+                        {"keyframes", component.keyframes.size()},
+                        {"points", num_points[c]}};
     if (evaluation != nullptr) AddErrors(evaluation->components[c], &json);
     components.push_back(json);
   }
   return components;
 }
 
-Json Connections(const Snapshot& snapshot, const std::vector<GraphEdge>& edges) {
-  Json connections = Json::array();
+OrderedJson Connections(const Snapshot& snapshot, const std::vector<GraphEdge>& edges) {
+  OrderedJson connections = OrderedJson::array();
   for (const GraphEdge& edge : edges) {
     const EvaluatedConnection& c = *edge.connection;
     // Listed from the lower number to the higher one, whichever way round it was evaluated.
@@ -136,25 +137,25 @@ Json Connections(const Snapshot& snapshot, const std::vector<GraphEdge>& edges) 
   return connections;
 }
 
-Json Stack(const Snapshot& snapshot, const std::vector<std::vector<int>>& maps) {
-  Json stack = Json::array();
+OrderedJson Stack(const Snapshot& snapshot, const std::vector<std::vector<int>>& maps) {
+  OrderedJson stack = OrderedJson::array();
   for (const std::vector<int>& map : maps) {
-    Json numbers = Json::array();
+    OrderedJson numbers = OrderedJson::array();
     for (const int submap : map) numbers.push_back(snapshot.submaps[submap].number);
     stack.push_back(numbers);
   }
   return stack;
 }
 
-Json Restorations(const Snapshot& snapshot) {
+OrderedJson Restorations(const Snapshot& snapshot) {
   const RestorationTable table = MakeRestorationTable(snapshot);
-  Json steps = Json::array();
+  OrderedJson steps = OrderedJson::array();
   for (const RestorationStep& step : table.steps) {
     const bool merges = step.event == RestorationStep::Event::kMerge;
-    Json json = {{"event", merges ? "merge" : "new_map"},
-                 {"utime", step.utime},
-                 {"frame", step.frame},
-                 {"submap", snapshot.submaps[step.submap].number}};
+    OrderedJson json = {{"event", merges ? "merge" : "new_map"},
+                        {"utime", step.utime},
+                        {"frame", step.frame},
+                        {"submap", snapshot.submaps[step.submap].number}};
     if (step.lost >= 0) {
       json["lost"] = snapshot.submaps[step.lost].number;
       json["loss_reason"] = snapshot.submaps[step.lost].submap->end_reason;
@@ -188,7 +189,7 @@ std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evalu
   for (const SnapshotSubmap& s : snapshot.submaps) num_keyframes += s.submap->keyframes.size();
   const bool any = !snapshot.components.empty();
   const MergedTransforms& merged = snapshot.model->Revision().transforms;
-  Json json;
+  OrderedJson json;
   json["version"] = MAPMEND_VERSION;
   json["revision"] = merged.revision;
   json["refined"] = merged.refined;
@@ -226,16 +227,16 @@ std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evalu
     for (const DepthShare& share : evaluation->depth_shares) largest = std::max(largest, share.largest);
     if (largest > 0) json["max_error_of_depth"] = largest;
   }
-  if (!parts.world.empty()) json["world"] = Json::parse(parts.world);
-  if (!parts.gaps.empty()) json["gaps"] = Json::parse(parts.gaps);
-  if (!parts.mosaic.empty()) json["mosaic"] = Json::parse(parts.mosaic);
+  if (!parts.world.empty()) json["world"] = OrderedJson::parse(parts.world);
+  if (!parts.gaps.empty()) json["gaps"] = OrderedJson::parse(parts.gaps);
+  if (!parts.mosaic.empty()) json["mosaic"] = OrderedJson::parse(parts.mosaic);
   json["sessions"] = Sessions(snapshot);
   json["submaps"] = Submaps(snapshot, evaluation);
   json["components"] = Components(snapshot, evaluation, num_points);
   json["connections"] = Connections(snapshot, ListEdges(snapshot));
   json["loops"] = Connections(snapshot, ListLoops(snapshot));
   json["restoration"] = Restorations(snapshot);
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  return json.dump(2, ' ', false, OrderedJson::error_handler_t::replace) + "\n";
 }
 
 }  // namespace mapmend

@@ -7,9 +7,9 @@
 namespace mapmend {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
-Json ErrorJson(const WorldError& error) {
+OrderedJson ErrorJson(const WorldError& error) {
   return {{"pairs", error.num_pairs},
           {"horizontal_rmse_m", error.rmse_horizontal_m},
           {"horizontal_median_m", error.median_horizontal_m},
@@ -20,8 +20,8 @@ Json ErrorJson(const WorldError& error) {
           {"vertical_rmse_m", error.rmse_vertical_m}};
 }
 
-Json ComponentJson(const Placement& placement) {
-  Json json = {{"placed", placement.success}};
+OrderedJson ComponentJson(const Placement& placement) {
+  OrderedJson json = {{"placed", placement.success}};
   if (!placement.problem.empty()) json["problem"] = placement.problem;
   if (!placement.success) return json;
   json["open"] = placement.open;
@@ -42,7 +42,7 @@ Json ComponentJson(const Placement& placement) {
 }  // namespace
 
 std::string MakeWorldJson(const Snapshot& placed, const WorldPlacement& world, const WorldSummaryOptions& options) {
-  Json json;
+  OrderedJson json;
   size_t num_positions = 0;
   for (const SessionFixes& session : PositionsOf(placed)) num_positions += session.fixes.size();
   json["positions"] = num_positions;
@@ -53,13 +53,13 @@ std::string MakeWorldJson(const Snapshot& placed, const WorldPlacement& world, c
   const UtmFrame utm(origin);
   json["utm"] = {{"name", utm.Name()}, {"epsg", utm.Epsg()}};
   if (!world.problem.empty()) json["problem"] = world.problem;
-  json["clocks"] = Json::array();
+  json["clocks"] = OrderedJson::array();
   for (const ClockOffset& clock : world.clocks) {
     json["clocks"].push_back({{"offset_s", 1e-6 * static_cast<double>(clock.offset_us)}, {"sigma_s", clock.sigma_s}});
   }
-  json["components"] = Json::array();
+  json["components"] = OrderedJson::array();
   for (size_t c = 0; c < world.components.size(); ++c) {
-    Json component = ComponentJson(world.components[c]);
+    OrderedJson component = ComponentJson(world.components[c]);
     if (world.components[c].success && options.ground_truth != nullptr) {
       const WorldError error = MeasureWorldError(ToTrajectory(placed.components[c].frames), world.frame,
                                                  *options.ground_truth, options.ground_truth_origin);

@@ -9,7 +9,7 @@
 #include "tests/e2e/map_scenario.h"
 
 namespace mapmend {
-namespace {
+namespace aliased_cycle_test {
 
 TEST(AliasedCycle, TheWrongConnectionIsDeactivatedAndTheMapIsRight) {
   const nlohmann::json summary = MapScenario("aliased_cycle");
@@ -34,5 +34,5 @@ TEST(AliasedCycle, TheWrongConnectionIsDeactivatedAndTheMapIsRight) {
   EXPECT_LE(summary.at("ate_rmse_m"), 0.5);  // with the wrong connection: some 80 m
 }
 
-}  // namespace
+}  // namespace aliased_cycle_test
 }  // namespace mapmend

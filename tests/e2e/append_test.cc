@@ -9,7 +9,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace append_test {
 
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
@@ -53,5 +53,5 @@ TEST(Append, TheSecondFlightJoinsTheMapOfTheFirst) {
   EXPECT_LE(evaluation.rmse, 1.0);
 }
 
-}  // namespace
+}  // namespace append_test
 }  // namespace mapmend

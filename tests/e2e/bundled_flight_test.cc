@@ -11,7 +11,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace bundled_flight_test {
 
 using Json = nlohmann::json;
 
@@ -102,5 +102,5 @@ TEST_F(BundledFlight, AReplayEndsWithTheSameMap) {
   EXPECT_EQ(ReadText(Out() + "/map.ply"), ReadText(out + "/map.ply"));
 }
 
-}  // namespace
+}  // namespace bundled_flight_test
 }  // namespace mapmend

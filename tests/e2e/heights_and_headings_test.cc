@@ -8,7 +8,7 @@
 #include "tests/e2e/map_scenario.h"
 
 namespace mapmend {
-namespace {
+namespace heights_and_headings_test {
 
 // The connection of two submaps, null if they were never compared.
 nlohmann::json Between(const nlohmann::json& summary, int a, int b) {
@@ -48,5 +48,5 @@ TEST(HeightsAndHeadings, AStripFourTimesAsHighIsConnected) {
   EXPECT_LE(summary.at("ate_rmse_m"), 1.2);
 }
 
-}  // namespace
+}  // namespace heights_and_headings_test
 }  // namespace mapmend

@@ -14,7 +14,7 @@
 #include "tests/e2e/map_scenario.h"
 
 namespace mapmend {
-namespace {
+namespace mosaic_test {
 
 constexpr double kOrthoGsd = 0.1;  // metres
 
@@ -130,5 +130,5 @@ TEST(Mosaic, LiesWhereTheLandIs) {
   EXPECT_GT(area, 0);
 }
 
-}  // namespace
+}  // namespace mosaic_test
 }  // namespace mapmend

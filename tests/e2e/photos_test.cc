@@ -15,7 +15,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace photos_test {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
@@ -160,5 +160,5 @@ TEST_F(Photos, AFlightThatTurnsAndTiltsTellsItsFocalLength) {
   EXPECT_EQ(camera.width, 800);
 }
 
-}  // namespace
+}  // namespace photos_test
 }  // namespace mapmend

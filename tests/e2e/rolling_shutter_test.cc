@@ -8,7 +8,7 @@
 #include "tests/e2e/map_scenario.h"
 
 namespace mapmend {
-namespace {
+namespace rolling_shutter_test {
 
 TEST(RollingShutter, IsFoundInARenderedFlightAndTakenOutOfItsMap) {
   const nlohmann::json summary = MapScenario("rolling_shutter");
@@ -19,5 +19,5 @@ TEST(RollingShutter, IsFoundInARenderedFlightAndTakenOutOfItsMap) {
   EXPECT_LE(summary.at("ate_rmse_m").get<double>(), 0.15);
 }
 
-}  // namespace
+}  // namespace rolling_shutter_test
 }  // namespace mapmend

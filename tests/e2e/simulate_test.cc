@@ -16,7 +16,7 @@
 #include "libs/geometry/trajectory_file.h"
 
 namespace mapmend {
-namespace {
+namespace simulate_test {
 
 namespace fs = std::filesystem;
 
@@ -101,5 +101,5 @@ TEST_F(SimulateTest, FullDiskLeavesNoVideoThatLooksWhole) {
   EXPECT_FALSE(fs::exists(dir_ / "out" / "video.mp4.part"));
 }
 
-}  // namespace
+}  // namespace simulate_test
 }  // namespace mapmend

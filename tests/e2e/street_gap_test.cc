@@ -5,7 +5,7 @@
 #include "tests/e2e/map_scenario.h"
 
 namespace mapmend {
-namespace {
+namespace street_gap_test {
 
 TEST(StreetGap, IsBridgedByWideFeatures) {
   const nlohmann::json summary = MapScenario("street_gap");
@@ -20,5 +20,5 @@ TEST(StreetGap, IsBridgedByWideFeatures) {
   EXPECT_LT(main["ate_rmse_m"], 1.0) << "of 100 m driven";
 }
 
-}  // namespace
+}  // namespace street_gap_test
 }  // namespace mapmend

@@ -11,7 +11,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace world_test {
 
 using Json = nlohmann::json;
 
@@ -115,5 +115,5 @@ TEST_F(World, WhatCannotBeReadIsToldBeforeAnythingIsStarted) {
   EXPECT_NE(result.output.find("camera.yaml: no known format"), std::string::npos) << result.output;
 }
 
-}  // namespace
+}  // namespace world_test
 }  // namespace mapmend

@@ -8,8 +8,10 @@ one before the last. Exit codes: 0, 1, 77 if clang-tidy or the history is not he
 none is begun after six minutes, so that it ends soon; what is left out is told.
 """
 
+import json
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -39,8 +41,25 @@ def changed(root, commit):
     return told.split() if told else []
 
 
+def commands_by_file(build):
+    """A folder with a compile_commands.json that has each file by itself, also where batches of them are compiled."""
+    entries = json.loads((build / "compile_commands.json").read_text())
+    single = []
+    for entry in entries:
+        batch = pathlib.Path(entry["file"])
+        if not re.fullmatch(r"unity_\d+_cxx\.cxx", batch.name):
+            single.append(entry)
+            continue
+        for file in re.findall(r'^#include "([^"]+)"', batch.read_text(), re.MULTILINE):
+            single.append({**entry, "file": file, "command": entry["command"].replace(str(batch), file)})
+    folder = build / "tidy"
+    folder.mkdir(exist_ok=True)
+    (folder / "compile_commands.json").write_text(json.dumps(single))
+    return folder
+
+
 def main():
-    build = sys.argv[1]
+    build = commands_by_file(pathlib.Path(sys.argv[1]))
     program = shutil.which("clang-tidy")
     if not program:
         print("tidy: left out: there is no clang-tidy here (apt install clang-tidy)")
@@ -56,7 +75,7 @@ def main():
         if time.monotonic() > until:
             break
         looked_at += 1
-        result = subprocess.run([program, "-p", build, "--quiet", "--warnings-as-errors=*", str(ROOT / file)],
+        result = subprocess.run([program, "-p", str(build), "--quiet", "--warnings-as-errors=*", str(ROOT / file)],
                                 capture_output=True, text=True, check=False)
         if result.returncode:
             failures += 1

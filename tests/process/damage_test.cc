@@ -14,7 +14,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace damage_test {
 
 namespace fs = std::filesystem;
 
@@ -174,5 +174,5 @@ TEST_F(DamageTest, WhatIsNoMapIsLeftAsItIs) {
   }
 }
 
-}  // namespace
+}  // namespace damage_test
 }  // namespace mapmend

@@ -8,7 +8,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace edges_test {
 
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
@@ -170,5 +170,5 @@ TEST_F(Edges, BadInputEndsInOneLine) {
   EXPECT_EQ(Hash(out + "/map.db"), before);
 }
 
-}  // namespace
+}  // namespace edges_test
 }  // namespace mapmend

@@ -9,7 +9,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace first_use_test {
 
 using Json = nlohmann::json;
 
@@ -177,5 +177,5 @@ TEST(UsageTest, HelpNamesTheCommandThatWasCalled) {
   }
 }
 
-}  // namespace
+}  // namespace first_use_test
 }  // namespace mapmend

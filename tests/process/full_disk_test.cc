@@ -12,7 +12,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace full_disk_test {
 
 namespace fs = std::filesystem;
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
@@ -104,5 +104,5 @@ TEST(Recording, AKilledLoggerIsTold) {
       << result->output;
 }
 
-}  // namespace
+}  // namespace full_disk_test
 }  // namespace mapmend

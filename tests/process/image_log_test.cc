@@ -11,7 +11,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace image_log_test {
 
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
@@ -76,5 +76,5 @@ TEST_F(ImageLogTest, AWrongChannelIsRefusedBeforeAnythingIsWritten) {
   EXPECT_FALSE(std::filesystem::exists(folder_ / "out"));
 }
 
-}  // namespace
+}  // namespace image_log_test
 }  // namespace mapmend

@@ -16,7 +16,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace input_files_test {
 
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
@@ -107,5 +107,5 @@ TEST_F(InputFilesTest, AFolderThatGrowsIsMappedAsItGrowsUntilCtrlC) {
   EXPECT_EQ(Summary()["frames_in"], kFrames);
 }
 
-}  // namespace
+}  // namespace input_files_test
 }  // namespace mapmend

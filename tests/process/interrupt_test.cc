@@ -9,7 +9,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace interrupt_test {
 
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
@@ -72,5 +72,5 @@ TEST(LauncherDeath, LeavesAValidDatabaseAndNoProcess) {
   ExpectValidDatabase(out + "/map.db");
 }
 
-}  // namespace
+}  // namespace interrupt_test
 }  // namespace mapmend

@@ -14,7 +14,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace keyframe_images_test {
 
 namespace fs = std::filesystem;
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
@@ -181,5 +181,5 @@ TEST(KeyframeImages, OfAFlightThatIsCutOffAreRecovered) {
   EXPECT_FALSE(fs::exists(folder / "out/outbox.images"));
 }
 
-}  // namespace
+}  // namespace keyframe_images_test
 }  // namespace mapmend

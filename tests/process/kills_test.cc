@@ -13,7 +13,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace kills_test {
 
 using Clock = std::chrono::steady_clock;
 
@@ -88,5 +88,5 @@ TEST_F(Kills, AMapIsMergedAllTheSame) {
   ExpectTheSameMap(out);
 }
 
-}  // namespace
+}  // namespace kills_test
 }  // namespace mapmend

@@ -14,7 +14,7 @@
 #include "tests/tcp_proxy.h"
 
 namespace mapmend {
-namespace {
+namespace link_faults_test {
 
 constexpr int kOutageMs = 8000, kFinishMs = 900000;
 constexpr double kMaxWaitMs = 2000;  // of one Append on a busy machine; the outages are much longer
@@ -26,7 +26,7 @@ class LinkFaults : public ::testing::Test {
     flight_.keyframes_per_submap = 60;
     flight_.num_features = 300;
     flight_.points_per_keyframe = 100;
-    hub_port_ = FreePort();
+    hub_port_ = AnyFreePort();
     hub_ = StartHub(hub_port_, log_);
     // In a process of its own, so that the test itself has no threads.
     struct Shared {
@@ -166,5 +166,5 @@ TEST_F(LinkFaults, ACameraIsTrackedOnWhileTheLinkIsCut) {
   EXPECT_LT(outbox_bytes("cut"), 1000);
 }
 
-}  // namespace
+}  // namespace link_faults_test
 }  // namespace mapmend

@@ -19,7 +19,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace live_test {
 
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
@@ -192,5 +192,5 @@ TEST(Live, WithoutAnyImageCtrlCSaysSo) {
   EXPECT_NE(result->output.find("no image came on channel MAPMEND_IMAGE"), std::string::npos) << result->output;
 }
 
-}  // namespace
+}  // namespace live_test
 }  // namespace mapmend

@@ -12,7 +12,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace options_test {
 
 using testing::HasSubstr;
 
@@ -173,5 +173,5 @@ TEST_F(OptionsProcessTest, AFlightTellsItsOptionsAndIsNamedAfterThem) {
   EXPECT_EQ(other.second["options"], nlohmann::json::parse(R"({"tracker.min_spread": 0.09})"));
 }
 
-}  // namespace
+}  // namespace options_test
 }  // namespace mapmend

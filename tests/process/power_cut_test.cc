@@ -19,7 +19,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace power_cut_test {
 
 namespace fs = std::filesystem;
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
@@ -244,5 +244,5 @@ TEST(PowerCut, AFolderWithUndeliveredRecordsIsNotOverwritten) {
   EXPECT_GT(fs::file_size(out + "/outbox"), 100000u);
 }
 
-}  // namespace
+}  // namespace power_cut_test
 }  // namespace mapmend

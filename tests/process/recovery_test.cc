@@ -9,7 +9,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace recovery_test {
 
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
@@ -83,5 +83,5 @@ TEST(Recovery, AKilledFrontendGoesOnWithTheFlight) {
   EXPECT_GE(summary.at("frames_in_main").get<int>(), kNumFrames - 4);
 }
 
-}  // namespace
+}  // namespace recovery_test
 }  // namespace mapmend

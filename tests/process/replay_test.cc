@@ -9,7 +9,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace replay_test {
 
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
@@ -55,5 +55,5 @@ TEST(Replay, TheMapIsTheSameAtEverySpeedAndAfterRestartsOfMergerAndStore) {
   }
 }
 
-}  // namespace
+}  // namespace replay_test
 }  // namespace mapmend

@@ -14,7 +14,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace run_errors_test {
 
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
@@ -162,5 +162,5 @@ TEST_F(RunErrorsTest, VideoWithoutItsIndex) {
       "input " + cut + " cannot be opened as a video: unknown format, or cut short (an mp4 has its index at its end)");
 }
 
-}  // namespace
+}  // namespace run_errors_test
 }  // namespace mapmend

@@ -10,7 +10,7 @@
 #include "tests/running_hub.h"
 
 namespace mapmend {
-namespace {
+namespace shared_hub_test {
 
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
@@ -47,5 +47,5 @@ TEST(SharedHub, AStoreThatComesUpAtTheSameTimeEndsTheRunWithALine) {
   EXPECT_EQ(run.SurvivorsAfter(10), std::vector<pid_t>());
 }
 
-}  // namespace
+}  // namespace shared_hub_test
 }  // namespace mapmend

@@ -14,7 +14,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace small_map_test {
 
 using Json = nlohmann::json;
 
@@ -133,5 +133,5 @@ TEST_F(SmallMapTest, EventsTellWhatHappenedToTracking) {
   EXPECT_NE(ReadText(Out() + "/logs/frontend.log").find("tracking lost at frame 12 ("), std::string::npos);
 }
 
-}  // namespace
+}  // namespace small_map_test
 }  // namespace mapmend

@@ -10,7 +10,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace station_test {
 
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
@@ -108,5 +108,5 @@ TEST_F(StationTest, AFlightWithoutAStationIsKeptAndDeliveredByTheNext) {
   ExpectOneMapOfBoth(&station);
 }
 
-}  // namespace
+}  // namespace station_test
 }  // namespace mapmend

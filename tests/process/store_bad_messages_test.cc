@@ -21,7 +21,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace store_bad_messages_test {
 
 // Sends bad messages and counts those that the store must count as bad.
 class Vandal {
@@ -74,7 +74,7 @@ double Counter(const health_t& health, const std::string& name) {
 TEST(StoreBadMessages, AreCountedReportedAndHarmless) {
   const ScratchFolder folder;
   const std::string db = folder.File("map.db"), log = folder.File("log.txt");
-  const int port = FreePort();
+  const int port = AnyFreePort();
   TestProcess hub = StartHub(port, log);
   TestProcess store = StartStore(db, port, log);
   Bus bus(HubUrl(port), "");
@@ -128,5 +128,5 @@ TEST(StoreBadMessages, AreCountedReportedAndHarmless) {
   EXPECT_EQ(HashDb(db).stream, ExpectedStreamHash(flight, folder.File("expected.db")));
 }
 
-}  // namespace
+}  // namespace store_bad_messages_test
 }  // namespace mapmend

@@ -17,7 +17,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace store_faults_test {
 
 constexpr int kFinishMs = 900000;  // only what hangs takes longer, on a busy machine too
 
@@ -29,7 +29,7 @@ class StoreFaults : public ::testing::Test {
     flight_.num_features = 300;
     flight_.points_per_keyframe = 100;
     progress_ = MapSharedProgress();
-    port_ = FreePort();
+    port_ = AnyFreePort();
     hub_ = StartHub(port_, log_);
   }
   TestProcess Frontend(int pause_us) {
@@ -144,5 +144,5 @@ TEST_F(StoreFaults, DeliversLaterWhatWasMadeWithoutAStore) {
   ExpectWholeFlight(&store);
 }
 
-}  // namespace
+}  // namespace store_faults_test
 }  // namespace mapmend

@@ -16,7 +16,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace store_files_test {
 
 class StoreFiles : public ::testing::Test {
  protected:
@@ -87,7 +87,7 @@ TEST_F(StoreFiles, RefusesAFolderAndAnUnwritablePlace) {
 }
 
 TEST_F(StoreFiles, RefusesToShareAFileWithAnotherStore) {
-  const int port = FreePort();
+  const int port = AnyFreePort();
   TestProcess hub = StartHub(port, folder_.File("hub.txt"));
   TestProcess first = StartStore(db_, port, folder_.File("first.txt"));
   ASSERT_TRUE(PollUntil([&] { return ReadWholeFile(folder_.File("first.txt")).find("keyframes") != std::string::npos; },
@@ -126,7 +126,7 @@ TEST_F(StoreFiles, StopsAcknowledgingOnAFullDiskAndGoesOnWhenThereIsRoom) {
   flight.num_submaps = 2;
   flight.keyframes_per_submap = 60;
   flight.num_features = 600;
-  const int port = FreePort();
+  const int port = AnyFreePort();
   TestProcess hub = StartHub(port, folder_.File("hub.txt"));
   TestProcess store = StartStore(db_, port, folder_.File("store.txt"));
   SharedProgress* progress = MapSharedProgress();
@@ -150,5 +150,5 @@ TEST_F(StoreFiles, StopsAcknowledgingOnAFullDiskAndGoesOnWhenThereIsRoom) {
   umount2(disk.c_str(), MNT_DETACH);
 }
 
-}  // namespace
+}  // namespace store_files_test
 }  // namespace mapmend

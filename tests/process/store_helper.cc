@@ -109,7 +109,7 @@ bool TestProcess::IsRunning() {
 
 std::string ProgramPath(const std::string& name) { return std::string(MAPMEND_BIN_DIR) + "/" + name; }
 
-int FreePort() {
+int AnyFreePort() {
   const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   sockaddr_in address{};
   address.sin_family = AF_INET;

@@ -38,7 +38,7 @@ class TestProcess {
 // The programs under test.
 std::string ProgramPath(const std::string& name);
 // A port nobody listens on at the moment.
-int FreePort();
+int AnyFreePort();
 TestProcess StartHub(int port, const std::string& log_path);
 TestProcess StartStore(const std::string& db, int port, const std::string& log_path);
 std::string HubUrl(int port);

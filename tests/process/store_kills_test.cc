@@ -14,7 +14,7 @@
 #include "tests/process/store_helper.h"
 
 namespace mapmend {
-namespace {
+namespace store_kills_test {
 
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
 const std::string kVocabulary = std::string(MAPMEND_SOURCE_DIR) + "/data/vocabulary/mapmend.voc";
@@ -85,7 +85,7 @@ TEST(StoreKills, TheMergedMapIsThatOfAnUndisturbedFlight) {
   ASSERT_GT(records.size(), 100u);
 
   const std::string db = folder / "map.db", log = folder / "log.txt";
-  const int port = FreePort();
+  const int port = AnyFreePort();
   TestProcess hub = StartHub(port, log);
   TestProcess store = StartStore(db, port, log);
   TestProcess merger({ProgramPath("merger"), "--vocabulary", kVocabulary, "--seed", "1", "--lcm-url", HubUrl(port)},
@@ -136,5 +136,5 @@ TEST(StoreKills, TheMergedMapIsThatOfAnUndisturbedFlight) {
   EXPECT_TRUE(database.Gaps(1).empty());
 }
 
-}  // namespace
+}  // namespace store_kills_test
 }  // namespace mapmend

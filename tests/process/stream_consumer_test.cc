@@ -15,7 +15,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace stream_consumer_test {
 
 class StreamConsumerTest : public ::testing::Test {
  protected:
@@ -23,7 +23,7 @@ class StreamConsumerTest : public ::testing::Test {
     flight_.num_submaps = 2;
     flight_.keyframes_per_submap = 30;
     progress_ = MapSharedProgress();
-    port_ = FreePort();
+    port_ = AnyFreePort();
     hub_ = StartHub(port_, log_);
     store_ = StartStore(db_, port_, log_);
     Connect();
@@ -155,5 +155,5 @@ TEST_F(StreamConsumerTest, RevisionsAreStoredAndReadBackByThoseWhoComeLater) {
   EXPECT_EQ(found.revision, revision);
 }
 
-}  // namespace
+}  // namespace stream_consumer_test
 }  // namespace mapmend

@@ -9,7 +9,7 @@
 #include "tests/process/command_helper.h"
 
 namespace mapmend {
-namespace {
+namespace supervision_test {
 
 namespace fs = std::filesystem;
 const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
@@ -90,5 +90,5 @@ TEST(Supervision, AMapThatIsRemovedUnderTheFlightIsWrittenAnew) {
   EXPECT_GT(summary.at("frames_in_main").get<int>(), 60);
 }
 
-}  // namespace
+}  // namespace supervision_test
 }  // namespace mapmend

@@ -24,7 +24,7 @@
 extern char** environ;
 
 namespace mapmend {
-namespace {
+namespace viewer_export_test {
 
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
@@ -180,5 +180,5 @@ TEST_F(ViewerExportTest, WritesTheExportsOfTheFinalRevisionWheneverItIsStarted) 
   check("late");
 }
 
-}  // namespace
+}  // namespace viewer_export_test
 }  // namespace mapmend

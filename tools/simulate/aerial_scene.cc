@@ -11,7 +11,7 @@ const Eigen::Vector3d kSun = Eigen::Vector3d(0.45, -0.35, 0.82).normalized();
 // Stored brightness of a surface with this normal: sky light and, unless in shadow, the sun. 1 for level ground in the
 // sun.
 // scatter: how far light goes round edges, as it does in leaves.
-double Light(const Eigen::Vector3d& normal, double sun, double scatter = 0) {
+double Shading(const Eigen::Vector3d& normal, double sun, double scatter = 0) {
   const double sky = 0.30 * (0.6 + 0.4 * normal.z());
   const double direct =
       0.70 * sun * std::max(0.0, normal.dot(kSun) + scatter) / (1 + scatter) / (kSun.z() + scatter) * (1 + scatter);
@@ -125,14 +125,14 @@ std::vector<float> MakeLight(const AerialLayout& layout, const HeightGrid& grid,
           if (above > 0) sun = std::min(sun, std::max(0.12, 1 - above / 0.5));
         }
         light[static_cast<size_t>(j) * grid.width + i] =
-            static_cast<float>(std::min(1.25, Light(normal, sun, normal.z() < 0.8 ? 0.6 : 0)));
+            static_cast<float>(std::min(1.25, Shading(normal, sun, normal.z() < 0.8 ? 0.6 : 0)));
       }
     }
   });
   return light;
 }
 
-constexpr double kRoofScale = 14, kWallScale = 14;  // texels per metre
+constexpr double kRoofScale = 14, kHouseWallScale = 14;  // texels per metre
 constexpr int kNumRoofs = 6, kNumWalls = 5;
 constexpr int kRoofTexels = 900, kWallTexels = 1400;  // along a roof, along a wall
 
@@ -197,7 +197,7 @@ void AddHouses(const AerialLayout& layout, const HeightGrid& bare, Scene* scene)
     const auto shade = static_cast<float>(random.Uniform(0.85, 1.12));
     for (int f = 0; f < 6; ++f) {
       Face& face = solid.faces[f];
-      const double scale = f < 4 ? kWallScale : kRoofScale;
+      const double scale = f < 4 ? kHouseWallScale : kRoofScale;
       const Eigen::Vector3d u = f < 2 ? y : x, v = f < 4 ? up : face.normal.cross(x).normalized();
       const double room_u = (f < 4 ? kWallTexels : kRoofTexels) / scale - house.size_x - 12;
       const double room_v = f < 4 ? 0 : kRoofTexels / scale - 2 * house.size_y - 12;
@@ -205,7 +205,7 @@ void AddHouses(const AerialLayout& layout, const HeightGrid& bare, Scene* scene)
       const double at_u = 6 + house.size_x / 2 + random.Uniform() * std::max(0.0, room_u);
       const double at_v = f < 4 ? 3 : 6 + house.size_y + random.Uniform() * std::max(0.0, room_v);
       LayTexture(&face, f < 4 ? wall : roof, base - at_u * u - at_v * v, u, v, scale);
-      const auto light = static_cast<float>(Light(face.normal, 1)) * shade;
+      const auto light = static_cast<float>(Shading(face.normal, 1)) * shade;
       face.color = Color{light, light, light, 1};
     }
     scene->solids.push_back(std::move(solid));
@@ -247,9 +247,9 @@ void AddCars(const AerialLayout& layout, const HeightGrid& bare, Scene* scene) {
     Solid body = MakeBox({car.x, car.y, ground + 0.55}, {length, 1.8, 0.8}, car.yaw);
     Solid cabin = MakeBox({car.x - 0.25 * std::cos(car.yaw), car.y - 0.25 * std::sin(car.yaw), ground + 1.2},
                           {0.5 * length, 1.6, 0.5}, car.yaw);
-    for (Face& face : body.faces) face.color = paint * static_cast<float>(Light(face.normal, 1));
+    for (Face& face : body.faces) face.color = paint * static_cast<float>(Shading(face.normal, 1));
     for (Face& face : cabin.faces)
-      face.color = (face.normal.z() > 0.5 ? paint : Rgb(50, 56, 64)) * static_cast<float>(Light(face.normal, 1));
+      face.color = (face.normal.z() > 0.5 ? paint : Rgb(50, 56, 64)) * static_cast<float>(Shading(face.normal, 1));
     scene->solids.push_back(std::move(body));
     scene->solids.push_back(std::move(cabin));
   }

@@ -6,7 +6,7 @@
 namespace mapmend::simulate {
 namespace {
 
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kFarAway = std::numeric_limits<float>::infinity();
 
 // Bit k: lane k is below zero.
 int Negative(const Color& v) {
@@ -79,7 +79,7 @@ void FacetRow::Prepare(const Scene& scene, const Rigid3& first, const Rigid3& la
   for (size_t s = 0; s < scene.solids.size(); ++s) {
     const Solid& solid = scene.solids[s];
     // Where its bounding box lies on the plane z = 1.
-    float x0 = kInfinity, y0 = kInfinity, x1 = -kInfinity, y1 = -kInfinity;
+    float x0 = kFarAway, y0 = kFarAway, x1 = -kFarAway, y1 = -kFarAway;
     bool before = false, behind = false;
     for (int corner = 0; corner < 8; ++corner) {
       const Eigen::Vector3d at(corner & 1 ? solid.low.x() : solid.high.x(), corner & 2 ? solid.low.y() : solid.high.y(),
@@ -97,7 +97,7 @@ void FacetRow::Prepare(const Scene& scene, const Rigid3& first, const Rigid3& la
     }
     if (!before) continue;
     if (behind) {
-      x0 = y0 = -kInfinity, x1 = y1 = kInfinity;
+      x0 = y0 = -kFarAway, x1 = y1 = kFarAway;
     } else if (x1 < bounds.x0 || x0 > bounds.x1 || y1 < bounds.y0 || y0 > bounds.y1) {
       continue;
     }
@@ -110,7 +110,7 @@ void FacetRow::Prepare(const Scene& scene, const Rigid3& first, const Rigid3& la
 }
 
 void FacetRow::Add(const Scene& scene, int surface, const std::vector<Face>& faces, const Pose* poses) {
-  FacetSolid solid{static_cast<int>(planes_.size()), 0, 0, -kInfinity, -kInfinity, kInfinity, kInfinity};
+  FacetSolid solid{static_cast<int>(planes_.size()), 0, 0, -kFarAway, -kFarAway, kFarAway, kFarAway};
   double heights[8][2];
   for (size_t f = 0; f < faces.size(); ++f) {
     for (int k = 0; k < 2; ++k) heights[f][k] = faces[f].normal.dot(poses[k].center) - faces[f].offset;
@@ -167,7 +167,7 @@ FacetRow::Seen FacetRow::See(const FacetSolid& solid, const Bounds& tile) const 
       at[k][p] = Along(w, x, y);
     }
   }
-  Seen seen{false, true, -1, kInfinity, kInfinity};
+  Seen seen{false, true, -1, kFarAway, kFarAway};
   for (int f = 0; f < solid.num_front; ++f) {
     float high = Greatest(at[0][f]), low = Least(at[0][f]);
     if (poses == 2) high = std::max(high, Greatest(at[1][f])), low = std::min(low, Least(at[1][f]));
@@ -198,7 +198,7 @@ Int4 FacetRow::Meet(const uint16_t* solids, int num_solids, float row, const Col
   Int4 plane = Int4{} - 1;
   for (int s = 0; s < num_solids; ++s) {
     const FacetSolid& solid = solids_[solids[s]];
-    Color enter = Color{} + kInfinity, leave = {};
+    Color enter = Color{} + kFarAway, leave = {};
     Int4 front = {};
     for (int p = solid.first; p < solid.first + solid.num_front; ++p) {
       const Color w = Along(planes_[p].inverse.AtRow(row), x, y);

@@ -18,15 +18,15 @@
 namespace mapmend::simulate {
 namespace {
 
-struct View {
+struct MeasuredView {
   Rigid3 world_from_camera;
   Features features;
   BowVector bow;
 };
 
 // Where the ground seen at a pixel of one view is in the image of another; false if not in front.
-bool Transfer(const Pinhole& camera, const View& from, const View& to, double ground, const Eigen::Vector2d& pixel,
-              Eigen::Vector2d* result) {
+bool Transfer(const Pinhole& camera, const MeasuredView& from, const MeasuredView& to, double ground,
+              const Eigen::Vector2d& pixel, Eigen::Vector2d* result) {
   const Eigen::Vector3d ray = from.world_from_camera.rotation * camera.Unproject(pixel);
   if (ray.z() > -0.05) return false;
   const Eigen::Vector3d center = from.world_from_camera.translation;
@@ -40,7 +40,7 @@ bool Inside(const Pinhole& camera, const Eigen::Vector2d& p) {
   return p.x() >= 0 && p.y() >= 0 && p.x() < camera.width && p.y() < camera.height;
 }
 
-double Overlap(const Pinhole& camera, const View& a, const View& b, double ground) {
+double Overlap(const Pinhole& camera, const MeasuredView& a, const MeasuredView& b, double ground) {
   int inside = 0;
   for (int j = 0; j < 12; ++j) {
     for (int i = 0; i < 16; ++i) {
@@ -52,7 +52,7 @@ double Overlap(const Pinhole& camera, const View& a, const View& b, double groun
   return inside / 192.0;
 }
 
-double RightMatches(const Pinhole& camera, const View& a, const View& b, double ground) {
+double RightMatches(const Pinhole& camera, const MeasuredView& a, const MeasuredView& b, double ground) {
   int common = 0, right = 0;
   std::vector<int> nearest_in_a(b.features.descriptors.size(), -1), distance_in_a(b.features.descriptors.size(), 257);
   std::vector<int> nearest_in_b(a.features.descriptors.size(), -1);
@@ -113,7 +113,7 @@ std::string Measure(const MeasureOptions& o) {
   std::vector<Vocabulary> vocabulary;
   if (!o.vocabulary.empty()) vocabulary.push_back(Vocabulary::Read(o.vocabulary));
 
-  std::vector<View> views;
+  std::vector<MeasuredView> views;
   std::vector<double> corners, contrasts;
   cv::Mat frame, grey;
   for (size_t k = 0; k < truth.size() && video.read(frame); ++k) {
@@ -126,7 +126,7 @@ std::string Measure(const MeasureOptions& o) {
     cv::meanStdDev(grey, mean, deviation);
     contrasts.push_back(deviation[0]);
     RawFeatures raw = extractor.Extract(grey);
-    View view{truth[k].world_from_camera, {raw.keypoints, raw.descriptors, {}}, {}};
+    MeasuredView view{truth[k].world_from_camera, {raw.keypoints, raw.descriptors, {}}, {}};
     std::vector<Eigen::Vector2f> pixels;
     for (const Keypoint& keypoint : raw.keypoints) pixels.push_back(keypoint.pixel);
     pixels = camera.Undistort(pixels);

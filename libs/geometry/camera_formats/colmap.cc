@@ -16,17 +16,17 @@ struct ColmapModel {
   size_t num_parameters;
 };
 // By COLMAP's numbers.
-constexpr ColmapModel kModels[] = {{"SIMPLE_PINHOLE", 3},
-                                   {"PINHOLE", 4},
-                                   {"SIMPLE_RADIAL", 4},
-                                   {"RADIAL", 5},
-                                   {"OPENCV", 8},
-                                   {"OPENCV_FISHEYE", 8},
-                                   {"FULL_OPENCV", 12},
-                                   {"FOV", 5},
-                                   {"SIMPLE_RADIAL_FISHEYE", 4},
-                                   {"RADIAL_FISHEYE", 5},
-                                   {"THIN_PRISM_FISHEYE", 12}};
+constexpr ColmapModel kColmapModels[] = {{"SIMPLE_PINHOLE", 3},
+                                         {"PINHOLE", 4},
+                                         {"SIMPLE_RADIAL", 4},
+                                         {"RADIAL", 5},
+                                         {"OPENCV", 8},
+                                         {"OPENCV_FISHEYE", 8},
+                                         {"FULL_OPENCV", 12},
+                                         {"FOV", 5},
+                                         {"SIMPLE_RADIAL_FISHEYE", 4},
+                                         {"RADIAL_FISHEYE", 5},
+                                         {"THIN_PRISM_FISHEYE", 12}};
 
 struct ColmapCamera {
   int64_t id = 0;
@@ -36,11 +36,11 @@ struct ColmapCamera {
 };
 
 Camera Convert(const ColmapCamera& from) {
-  const auto known = std::find_if(std::begin(kModels), std::end(kModels),
+  const auto known = std::find_if(std::begin(kColmapModels), std::end(kColmapModels),
                                   [&](const ColmapModel& model) { return from.model == model.name; });
-  if (known == std::end(kModels)) {
+  if (known == std::end(kColmapModels)) {
     std::string names;
-    for (const ColmapModel& model : kModels) names += (names.empty() ? "" : ", ") + std::string(model.name);
+    for (const ColmapModel& model : kColmapModels) names += (names.empty() ? "" : ", ") + std::string(model.name);
     RefuseCamera("camera model " + from.model + " is not known; known are " + names);
   }
   if (from.p.size() != known->num_parameters) {
@@ -173,10 +173,10 @@ CameraFile ReadColmapBinary(const CameraText& file) {
     const auto model = reader.Take<int32_t>();
     camera.width = static_cast<double>(reader.Take<uint64_t>());
     camera.height = static_cast<double>(reader.Take<uint64_t>());
-    if (model < 0 || model >= static_cast<int32_t>(std::size(kModels)))
+    if (model < 0 || model >= static_cast<int32_t>(std::size(kColmapModels)))
       RefuseCamera("camera model number " + std::to_string(model) + " is not known");
-    camera.model = kModels[model].name;
-    for (size_t k = 0; k < kModels[model].num_parameters; ++k) {
+    camera.model = kColmapModels[model].name;
+    for (size_t k = 0; k < kColmapModels[model].num_parameters; ++k) {
       camera.p.push_back(reader.Take<double>());
       if (!std::isfinite(camera.p.back())) RefuseCamera("a parameter is not finite");
     }

@@ -6,7 +6,7 @@
 #include <vector>
 
 namespace mapmend {
-namespace {
+namespace compact_vector_test {
 
 struct Element {
   int32_t number = 7;
@@ -67,5 +67,5 @@ TEST(CompactVector, ACopyIsItsOwnAndWhatWasMovedIsEmpty) {
   EXPECT_EQ(second.size(), 3u);
 }
 
-}  // namespace
+}  // namespace compact_vector_test
 }  // namespace mapmend

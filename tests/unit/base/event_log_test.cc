@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 namespace mapmend {
-namespace {
+namespace event_log_test {
 
 using Json = nlohmann::ordered_json;
 
@@ -46,5 +46,5 @@ TEST(FormatUtime, IsATimeOfDayIfItIsADate) {
   EXPECT_EQ(FormatUtime(73250000), "73.250 s");
 }
 
-}  // namespace
+}  // namespace event_log_test
 }  // namespace mapmend

@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 namespace mapmend {
-namespace {
+namespace frame_ranges_test {
 
 std::string ErrorOf(const std::string& text) {
   try {
@@ -29,5 +29,5 @@ TEST(ParseFrameRanges, NamesWhatIsMalformed) {
   }
 }
 
-}  // namespace
+}  // namespace frame_ranges_test
 }  // namespace mapmend

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend {
-namespace {
+namespace nearest_word_test {
 
 TEST(NearestWord, IsNearOrABeginning) {
   const std::vector<std::string> words = {"run", "replay", "doctor", "--groundtruth", "--realtime"};
@@ -14,5 +14,5 @@ TEST(NearestWord, IsNearOrABeginning) {
   EXPECT_EQ(NearestWord("fly", words), "");
 }
 
-}  // namespace
+}  // namespace nearest_word_test
 }  // namespace mapmend

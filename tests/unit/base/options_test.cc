@@ -12,7 +12,7 @@
 #include "libs/base/options_file.h"
 
 namespace mapmend {
-namespace {
+namespace options_test {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -241,5 +241,5 @@ TEST_F(OptionsFileTest, WhatIsNoSuchFileIsToldWithItsLine) {
   }
 }
 
-}  // namespace
+}  // namespace options_test
 }  // namespace mapmend

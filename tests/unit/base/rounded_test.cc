@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend {
-namespace {
+namespace rounded_test {
 
 TEST(Rounded, HasNoExponent) {
   EXPECT_EQ(Rounded(49600.4), "49600");
@@ -13,5 +13,5 @@ TEST(Rounded, HasNoExponent) {
   EXPECT_EQ(Rounded(999.7), "1000");
 }
 
-}  // namespace
+}  // namespace rounded_test
 }  // namespace mapmend

@@ -13,7 +13,7 @@
 #include "libs/base/text_format.h"
 
 namespace mapmend {
-namespace {
+namespace small_parts_test {
 
 using std::chrono::milliseconds;
 
@@ -78,5 +78,5 @@ TEST(Random, ShufflingKeepsAllValues) {
 
 TEST(Format, IsPrintfInAString) { EXPECT_EQ(Format("%d of %.1f m", 3, 2.25), "3 of 2.2 m"); }
 
-}  // namespace
+}  // namespace small_parts_test
 }  // namespace mapmend

@@ -7,7 +7,7 @@
 #include <string>
 
 namespace mapmend {
-namespace {
+namespace sorted_map_test {
 
 TEST(SortedMap, IsAMap) {
   std::mt19937_64 random(3);
@@ -52,5 +52,5 @@ TEST(SortedMap, IsAMap) {
   EXPECT_EQ(map.at(map.begin()->first), map.begin()->second);
 }
 
-}  // namespace
+}  // namespace sorted_map_test
 }  // namespace mapmend

@@ -6,7 +6,7 @@
 #include <random>
 
 namespace mapmend {
-namespace {
+namespace votes_test {
 
 TEST(Votes, RankByNumberThenByKey) {
   std::mt19937_64 random(5);
@@ -28,5 +28,5 @@ TEST(Votes, RankByNumberThenByKey) {
   EXPECT_TRUE(votes.TakeRanked().empty());
 }
 
-}  // namespace
+}  // namespace votes_test
 }  // namespace mapmend

@@ -9,7 +9,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace write_file_test {
 
 std::string MessageOf(const std::function<void()>& action) {
   try {
@@ -44,5 +44,5 @@ TEST(WriteFile, WhatCannotBeIsToldInOneLine) {
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.Path()), {}), 1);
 }
 
-}  // namespace
+}  // namespace write_file_test
 }  // namespace mapmend

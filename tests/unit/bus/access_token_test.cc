@@ -10,7 +10,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace access_token_test {
 
 TEST(AccessToken, IsMadeOnceForItsOwnerAlone) {
   const ScratchFolder folder;
@@ -56,5 +56,5 @@ TEST(AccessToken, IsComparedWhole) {
   EXPECT_FALSE(TokensAreEqual("", "a"));
 }
 
-}  // namespace
+}  // namespace access_token_test
 }  // namespace mapmend

@@ -10,7 +10,7 @@
 #include "tests/running_hub.h"
 
 namespace mapmend {
-namespace {
+namespace bus_test {
 
 ack_t MakeAck(int64_t cumulative) {
   ack_t ack{};
@@ -196,5 +196,5 @@ TEST(DecodeMessage, RefusesForgedArrayLengthsWithoutAllocating) {
   }
 }
 
-}  // namespace
+}  // namespace bus_test
 }  // namespace mapmend

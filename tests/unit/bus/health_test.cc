@@ -10,7 +10,7 @@
 #include "tests/running_hub.h"
 
 namespace mapmend {
-namespace {
+namespace health_test {
 
 class HealthTest : public ::testing::Test {
  protected:
@@ -74,5 +74,5 @@ TEST_F(HealthTest, ASecondBusHearsItAsWell) {
   EXPECT_TRUE(Hear([](const health_t& h) { return h.process == "frontend"; }));
 }
 
-}  // namespace
+}  // namespace health_test
 }  // namespace mapmend

@@ -17,7 +17,7 @@
 #include "tests/unit/bus/raw_hub_client.h"
 
 namespace mapmend {
-namespace {
+namespace hub_attacks_test {
 
 using Clock = std::chrono::steady_clock;
 
@@ -465,5 +465,5 @@ TEST(HubOptions, OtherHostsNeedAToken) {
   EXPECT_EQ(options.Check(), "");
 }
 
-}  // namespace
+}  // namespace hub_attacks_test
 }  // namespace mapmend

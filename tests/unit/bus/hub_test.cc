@@ -9,7 +9,7 @@
 #include "tests/unit/bus/raw_hub_client.h"
 
 namespace mapmend {
-namespace {
+namespace hub_test {
 
 TEST(Hub, SpeaksTheProtocolOfLcmsTcpService) {
   Hub hub(OnAnyPort());
@@ -120,5 +120,5 @@ TEST(Hub, SaysThatThePortIsInUse) {
   EXPECT_THROW(Hub{options}, std::runtime_error);
 }
 
-}  // namespace
+}  // namespace hub_test
 }  // namespace mapmend

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend {
-namespace {
+namespace liveness_test {
 
 using std::chrono::milliseconds;
 
@@ -57,5 +57,5 @@ TEST_F(LivenessTest, WhatPingsUsuallyTakeFallsSlowly) {
   EXPECT_EQ(liveness_.DeadAfterMs(), 8 * 950);
 }
 
-}  // namespace
+}  // namespace liveness_test
 }  // namespace mapmend

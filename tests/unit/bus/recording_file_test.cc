@@ -9,7 +9,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace recording_file_test {
 
 void AppendNumber(std::string* bytes, int64_t number, int size) {
   for (int i = size - 1; i >= 0; --i) *bytes += static_cast<char>(number >> (8 * i));
@@ -106,5 +106,5 @@ TEST_F(RecordingFileTest, PartsOfAFolderComeByTheirTimes) {
   EXPECT_EQ(FindLogs({folder_.Path(), "x"}), (std::vector<std::string>{folder_.File("b"), folder_.File("a"), "x"}));
 }
 
-}  // namespace
+}  // namespace recording_file_test
 }  // namespace mapmend

@@ -11,7 +11,7 @@
 #include "tests/running_hub.h"
 
 namespace mapmend {
-namespace {
+namespace requests_test {
 
 using Clock = std::chrono::steady_clock;
 
@@ -126,5 +126,5 @@ TEST(PeekReply, TellsWhoAReplyIsForAndRefusesGarbage) {
   EXPECT_FALSE(PeekReply(data.data(), static_cast<int>(data.size())));
 }
 
-}  // namespace
+}  // namespace requests_test
 }  // namespace mapmend

@@ -11,7 +11,7 @@
 #include "tests/tcp_proxy.h"
 
 namespace mapmend {
-namespace {
+namespace tcp_link_test {
 
 using Clock = std::chrono::steady_clock;
 
@@ -226,5 +226,5 @@ TEST(TcpLink, ANameThatCannotBeLookedUpIsAHubThatIsNotThere) {
   EXPECT_LT(SecondsSince(begin), 4);
 }
 
-}  // namespace
+}  // namespace tcp_link_test
 }  // namespace mapmend

@@ -12,7 +12,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace decode_image_test {
 
 cv::Mat Texture(int type = CV_8UC3) {
   cv::Mat pixels(120, 161, type);
@@ -124,5 +124,5 @@ TEST(SteadyRange, ANewSceneIsFollowedAtOnceAndTheSameImagesGiveTheSameBits) {
   EXPECT_EQ(a.To8Bit(eight).data, eight.data);
 }
 
-}  // namespace
+}  // namespace decode_image_test
 }  // namespace mapmend

@@ -10,7 +10,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace exif_camera_test {
 
 using Tags = std::map<std::string, std::string>;
 
@@ -101,5 +101,5 @@ TEST_F(ExifCameraTest, PhotosOfDifferentFocalLengthsAreRefusedAndNamed) {
   EXPECT_EQ(guess.note, "the photos' EXIF tells different focal lengths (277 px in a.jpg, 555 px in c.jpg)");
 }
 
-}  // namespace
+}  // namespace exif_camera_test
 }  // namespace mapmend

@@ -11,7 +11,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace image_list_test {
 
 namespace fs = std::filesystem;
 
@@ -117,5 +117,5 @@ TEST_F(ImageListTest, TimesBesideTwoVideosBelongToNobody) {
   EXPECT_EQ(FindTimesBeside({folder_.Path()}).path, folder_.File("times.txt"));
 }
 
-}  // namespace
+}  // namespace image_list_test
 }  // namespace mapmend

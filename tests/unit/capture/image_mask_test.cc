@@ -11,7 +11,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace image_mask_test {
 
 class ImageMaskTest : public ::testing::Test {
  protected:
@@ -80,5 +80,5 @@ TEST_F(ImageMaskTest, ErrorsAreOneLineThatNamesTheFile) {
   expect(WriteText(""), "is empty");
 }
 
-}  // namespace
+}  // namespace image_mask_test
 }  // namespace mapmend

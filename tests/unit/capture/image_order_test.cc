@@ -5,7 +5,7 @@
 #include <algorithm>
 
 namespace mapmend {
-namespace {
+namespace image_order_test {
 
 constexpr int64_t kHour = 3600LL * 1000000, kStep = 33333;
 
@@ -140,5 +140,5 @@ TEST_F(ImageOrderTest, ARecordingThatIsPlayedFastIsInOrder) {
   EXPECT_EQ(utimes_.size(), 50u);
 }
 
-}  // namespace
+}  // namespace image_order_test
 }  // namespace mapmend

@@ -14,7 +14,7 @@
 #include "tests/unit/capture/make_video.h"
 
 namespace mapmend {
-namespace {
+namespace image_source_test {
 
 std::string Flight(const std::string& name) {
   return std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/" + name;
@@ -281,5 +281,5 @@ TEST_F(ImageSourceTest, AClipThatBeginsAtZeroAgainGoesOn) {
   }
 }
 
-}  // namespace
+}  // namespace image_source_test
 }  // namespace mapmend

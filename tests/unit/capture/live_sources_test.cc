@@ -21,7 +21,7 @@
 #include "tests/unit/capture/make_video.h"
 
 namespace mapmend {
-namespace {
+namespace live_sources_test {
 
 namespace fs = std::filesystem;
 using std::chrono::milliseconds;
@@ -168,5 +168,5 @@ TEST(DeviceImages, APipelineOfGStreamer) {
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(source.Next());
 }
 
-}  // namespace
+}  // namespace live_sources_test
 }  // namespace mapmend

@@ -8,7 +8,7 @@
 #include "libs/capture/paced_images.h"
 
 namespace mapmend {
-namespace {
+namespace realtime_test {
 
 using Clock = std::chrono::steady_clock;
 
@@ -87,5 +87,5 @@ TEST(PacedImages, StopEndsAWaitAndErrorsComeThrough) {
   EXPECT_THROW(failing.Next(), std::runtime_error);
 }
 
-}  // namespace
+}  // namespace realtime_test
 }  // namespace mapmend

@@ -12,7 +12,7 @@
 #include "tests/unit/capture/make_video.h"
 
 namespace mapmend {
-namespace {
+namespace video_reader_test {
 
 struct Read {
   int frames = 0;
@@ -170,5 +170,5 @@ TEST_F(VideoReaderTest, PicturesOfAnyWidthStayWithinTheirMemory) {
   }
 }
 
-}  // namespace
+}  // namespace video_reader_test
 }  // namespace mapmend

@@ -8,7 +8,7 @@
 #include "libs/command_line/help_format.h"
 
 namespace mapmend {
-namespace {
+namespace command_line_test {
 
 using testing::HasSubstr;
 using testing::StartsWith;
@@ -115,5 +115,5 @@ TEST_F(CommandLineTest, AProgramThatMapmendStartedSpeaksInItsName) {
   EXPECT_EQ(ErrorPrefix("submap_store"), "submap_store: ");
 }
 
-}  // namespace
+}  // namespace command_line_test
 }  // namespace mapmend

@@ -5,7 +5,7 @@
 #include "tests/merger_fixture.h"
 
 namespace mapmend {
-namespace {
+namespace connected_frames_test {
 
 using testing::FlightOptions;
 using testing::Frame;
@@ -155,5 +155,5 @@ TEST(ConnectedFrames, SameInputSameBits) {
   EXPECT_EQ(first.result.common_points, second.result.common_points);
 }
 
-}  // namespace
+}  // namespace connected_frames_test
 }  // namespace mapmend

@@ -7,7 +7,7 @@
 #include "tests/synthetic_flight.h"
 
 namespace mapmend {
-namespace {
+namespace connection_graph_test {
 
 using testing::MakeTerrain;
 using testing::Strip;
@@ -211,5 +211,5 @@ TEST_F(ConnectionGraphTest, KnowsItsEvidenceAndWhenItIsEnough) {
   EXPECT_TRUE(graph.IsFull(pair01_));
 }
 
-}  // namespace
+}  // namespace connection_graph_test
 }  // namespace mapmend

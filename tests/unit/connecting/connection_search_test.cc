@@ -7,7 +7,7 @@
 #include "tests/synthetic_flight.h"
 
 namespace mapmend {
-namespace {
+namespace connection_search_test {
 
 using testing::MakeTerrain;
 using testing::Strip;
@@ -156,5 +156,5 @@ TEST_F(ConnectionSearchTest, TheSecondPassAsksAllKeyframesAndForgetsWhatWaited) 
   EXPECT_EQ(Search().OnMapUpdate("s", &graph_), std::nullopt);
 }
 
-}  // namespace
+}  // namespace connection_search_test
 }  // namespace mapmend

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend {
-namespace {
+namespace connection_test {
 
 ConnectedFrames Pair(int a, int b, int num_inliers) {
   ConnectedFrames frames;
@@ -30,5 +30,5 @@ TEST(Connection, WhatIsAnnouncedNamesThePairsThatAgree) {
   EXPECT_EQ(announced.strength, 12.5);
 }
 
-}  // namespace
+}  // namespace connection_test
 }  // namespace mapmend

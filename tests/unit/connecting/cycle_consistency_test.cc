@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend {
-namespace {
+namespace cycle_consistency_test {
 
 // Submaps at known places of one world, seen from 100 units; edges with the true transforms, or off by a shift of b.
 struct World {
@@ -95,5 +95,5 @@ TEST(CycleConsistency, DisagreementWithinAnEdgesOwnUncertaintyIsTolerated) {
   EXPECT_EQ(FindConsistentForest(3, {w.Edge(0, 1, 9), w.Edge(1, 2, 8), loose}, {}).active[2], 1);
 }
 
-}  // namespace
+}  // namespace cycle_consistency_test
 }  // namespace mapmend

@@ -8,7 +8,7 @@
 #include "libs/connecting/merged_transforms.h"
 
 namespace mapmend {
-namespace {
+namespace graph_test {
 
 TEST(ConnectionStrength, IsEquationThree) {
   EXPECT_DOUBLE_EQ(ConnectionStrength(0, 0, 0), 0);
@@ -121,5 +121,5 @@ TEST(ComposeAlongForest, WhatWasRefinedTogetherKeepsItsPlacesAndTheRestFollows) 
   EXPECT_DOUBLE_EQ(apart[2].root_from_vertex.translation.x(), 1.5);
 }
 
-}  // namespace
+}  // namespace graph_test
 }  // namespace mapmend

@@ -12,7 +12,7 @@
 #include "tests/merger_fixture.h"
 
 namespace mapmend {
-namespace {
+namespace loop_closure_test {
 
 using testing::CopyPatch;
 using testing::FlightOptions;
@@ -246,5 +246,5 @@ TEST(LoopClosure, ALoneLoopAsksItsNeighboursAndIsRefusedWithoutThem) {
   EXPECT_GT(connection.num_common_points, 20);
 }
 
-}  // namespace
+}  // namespace loop_closure_test
 }  // namespace mapmend

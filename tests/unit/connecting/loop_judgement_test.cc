@@ -6,7 +6,7 @@
 #include "tests/merger_fixture.h"
 
 namespace mapmend {
-namespace {
+namespace loop_judgement_test {
 
 using testing::FlightOptions;
 using testing::MakeTerrain;
@@ -58,5 +58,5 @@ TEST(LoopJudgement, GroundThatOnlyLooksTheSameIsNot) {
   EXPECT_NE(judgement.reason.find("off by 2."), std::string::npos) << judgement.reason;
 }
 
-}  // namespace
+}  // namespace loop_judgement_test
 }  // namespace mapmend

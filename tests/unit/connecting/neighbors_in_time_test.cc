@@ -5,7 +5,7 @@
 #include "tests/merger_fixture.h"
 
 namespace mapmend {
-namespace {
+namespace neighbors_in_time_test {
 
 using testing::Frame;
 using testing::Recorder;
@@ -69,5 +69,5 @@ TEST(NeighborsInTime, JoinSubmapsThatRetrievalDoesNotSee) {
   EXPECT_EQ(out.revision.submaps[1].component, 1);
 }
 
-}  // namespace
+}  // namespace neighbors_in_time_test
 }  // namespace mapmend

@@ -5,7 +5,7 @@
 #include "tests/merger_fixture.h"
 
 namespace mapmend {
-namespace {
+namespace recognized_share_test {
 
 using testing::CopyPatch;
 using testing::Frame;
@@ -53,5 +53,5 @@ TEST(RecognizedShare, IsLowWhereOnlyAPatchLooksTheSame) {
   EXPECT_EQ(ShareOf(terrain, first, second, 3), 1);  // not all evidence was collected: what is missing says nothing
 }
 
-}  // namespace
+}  // namespace recognized_share_test
 }  // namespace mapmend

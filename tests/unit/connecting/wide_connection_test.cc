@@ -5,7 +5,7 @@
 #include "tests/unit/connecting/wide_world.h"
 
 namespace mapmend {
-namespace {
+namespace wide_connection_test {
 
 using testing::WidePoint;
 
@@ -120,5 +120,5 @@ TEST_F(WideConnectionTest, AJumpIsRefused) {
   EXPECT_NE(jump.reason.find("jumped"), std::string::npos) << jump.reason;
 }
 
-}  // namespace
+}  // namespace wide_connection_test
 }  // namespace mapmend

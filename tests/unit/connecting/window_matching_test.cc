@@ -6,7 +6,7 @@
 #include <random>
 
 namespace mapmend {
-namespace {
+namespace window_matching_test {
 
 constexpr double kFactor = 1.2;
 
@@ -59,5 +59,5 @@ TEST(TakeAgreeing, OfNothingComesNothing) {
   EXPECT_TRUE(TakeAgreeing({}, kFactor, &none).empty());
 }
 
-}  // namespace
+}  // namespace window_matching_test
 }  // namespace mapmend

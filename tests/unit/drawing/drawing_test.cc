@@ -11,7 +11,7 @@
 #include "libs/drawing/top_view.h"
 
 namespace mapmend {
-namespace {
+namespace drawing_test {
 
 using ::testing::HasSubstr;
 
@@ -179,5 +179,5 @@ TEST(TopViewTest, DrawsTracksAndMarksAlsoWhenThereIsLittleToDraw) {
   EXPECT_EQ(svg.find("inf"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace drawing_test
 }  // namespace mapmend

@@ -6,7 +6,7 @@
 #include <numeric>
 
 namespace mapmend {
-namespace {
+namespace corner_test {
 
 Corner MakeCorner(int x, int y, float strength) {
   return {static_cast<int16_t>(x), static_cast<int16_t>(y), 30, strength};
@@ -104,5 +104,5 @@ TEST(ShareOut, IsProportionalAndPassesOnWhatALevelLacks) {
   EXPECT_EQ(std::accumulate(thirds.begin(), thirds.end(), 0), 10);
 }
 
-}  // namespace
+}  // namespace corner_test
 }  // namespace mapmend

@@ -7,7 +7,7 @@
 #include <random>
 
 namespace mapmend {
-namespace {
+namespace matching_test {
 
 Features RandomFeatures(int count, uint32_t seed) {
   std::mt19937_64 rng(seed);
@@ -142,5 +142,5 @@ TEST(FeatureGrid, VisitsAlongASegment) {
   }
 }
 
-}  // namespace
+}  // namespace matching_test
 }  // namespace mapmend

@@ -13,7 +13,7 @@
 #include <opencv2/videoio.hpp>
 
 namespace mapmend {
-namespace {
+namespace orb_extractor_test {
 
 // A frame of the bundled flight, 800x600.
 cv::Mat FlightImage() {
@@ -268,5 +268,5 @@ TEST(OrbExtractor, RefusesBadInput) {
   }
 }
 
-}  // namespace
+}  // namespace orb_extractor_test
 }  // namespace mapmend

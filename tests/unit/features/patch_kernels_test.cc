@@ -8,7 +8,7 @@
 #include <opencv2/imgproc.hpp>
 
 namespace mapmend {
-namespace {
+namespace patch_kernels_test {
 
 constexpr int kWidth = 150, kHeight = 90;
 
@@ -120,5 +120,5 @@ TEST_P(Kernels, MomentsAndTensorAgreeWithTheirDefinition) {
 INSTANTIATE_TEST_SUITE_P(Portable, Kernels, testing::Values(&PatchKernels::Portable()));
 INSTANTIATE_TEST_SUITE_P(ThisProcessor, Kernels, testing::Values(&PatchKernels::Get()));
 
-}  // namespace
+}  // namespace patch_kernels_test
 }  // namespace mapmend

@@ -7,7 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 namespace mapmend {
-namespace {
+namespace wide_features_test {
 
 // Random discs of many sizes.
 cv::Mat MakeImage(int width, int height) {
@@ -103,5 +103,5 @@ TEST(WideFeatures, DistanceOfDescriptors) {
   EXPECT_EQ(WideDot(a, a), 128 * 127 * 127) << "no pair of products overflows";
 }
 
-}  // namespace
+}  // namespace wide_features_test
 }  // namespace mapmend

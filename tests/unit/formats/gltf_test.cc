@@ -8,7 +8,7 @@
 #include "tests/unit/formats/test_map.h"
 
 namespace mapmend {
-namespace {
+namespace gltf_test {
 
 using Json = nlohmann::json;
 
@@ -111,5 +111,5 @@ TEST(Gltf, TheFrameAndItsOriginAreTold) {
 
 TEST(Gltf, AnEmptyMapHasNoMeshes) { EXPECT_FALSE(Read(MapGlb(PlacedMap())).json.contains("meshes")); }
 
-}  // namespace
+}  // namespace gltf_test
 }  // namespace mapmend

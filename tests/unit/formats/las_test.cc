@@ -10,7 +10,7 @@
 #include "tests/unit/formats/test_map.h"
 
 namespace mapmend {
-namespace {
+namespace las_test {
 
 struct LasPoint {
   Eigen::Vector3d position;
@@ -130,5 +130,5 @@ TEST(Wkt, SouthernZonesAndUnknownCodes) {
   EXPECT_THROW(WellKnownText(31467), std::runtime_error);
 }
 
-}  // namespace
+}  // namespace las_test
 }  // namespace mapmend

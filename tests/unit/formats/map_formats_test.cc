@@ -9,7 +9,7 @@
 #include "tests/unit/formats/test_map.h"
 
 namespace mapmend {
-namespace {
+namespace map_formats_test {
 
 TEST(MapFormats, ListsAreReadAndUnknownOnesAreToldTheKnownOnes) {
   EXPECT_EQ(ParseFormats({"las,mcap", "g2o,las"}), (std::vector<std::string>{"las", "mcap", "g2o"}));
@@ -46,5 +46,5 @@ TEST(MapFormats, AFrameIsDescribedWithItsUnit) {
             "frame utm (EPSG:32630), unit metre; add 598765.000 5912345.000 120.000 to the coordinates");
 }
 
-}  // namespace
+}  // namespace map_formats_test
 }  // namespace mapmend

@@ -13,7 +13,7 @@
 #include "tests/unit/formats/test_map.h"
 
 namespace mapmend {
-namespace {
+namespace mcap_test {
 
 using Json = nlohmann::json;
 
@@ -272,5 +272,5 @@ TEST(Base64, IsThatOfTheRfc) {
   EXPECT_EQ(Base64("\xff\xfe\xfd"), "//79");
 }
 
-}  // namespace
+}  // namespace mcap_test
 }  // namespace mapmend

@@ -11,7 +11,7 @@
 #include "tests/unit/formats/test_map.h"
 
 namespace mapmend {
-namespace {
+namespace trajectory_formats_test {
 
 void ExpectSame(const Trajectory& read, const PlacedMap& map) {
   ASSERT_EQ(read.size(), map.frames.size());
@@ -95,5 +95,5 @@ TEST(G2o, EdgesAgreeWithTheVerticesThatTheyJoin) {
   EXPECT_NE(comments.at(1).find("EPSG:32630"), std::string::npos) << comments.at(1);
 }
 
-}  // namespace
+}  // namespace trajectory_formats_test
 }  // namespace mapmend

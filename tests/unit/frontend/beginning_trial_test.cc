@@ -5,7 +5,7 @@
 #include "tests/unit/frontend/synthetic_flight.h"
 
 namespace mapmend {
-namespace {
+namespace beginning_trial_test {
 
 using Verdict = BeginningTrial::Verdict;
 
@@ -98,5 +98,5 @@ TEST_F(BeginningTrialTest, IsContradictedByAnotherPlaceOfTheCameraOrOtherDepths)
   EXPECT_TRUE(trial_->Contradicts(other_depths, right, *map_));
 }
 
-}  // namespace
+}  // namespace beginning_trial_test
 }  // namespace mapmend

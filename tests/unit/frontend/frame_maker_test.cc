@@ -6,7 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 namespace mapmend {
-namespace {
+namespace frame_maker_test {
 
 Camera MakeCamera(double k1) {
   Camera camera;
@@ -52,5 +52,5 @@ TEST(FrameMaker, NoFeaturesUnderTheMask) {
   for (const Keypoint& k : frame->features.keypoints) EXPECT_GE(k.pixel.y(), 149.0f);
 }
 
-}  // namespace
+}  // namespace frame_maker_test
 }  // namespace mapmend

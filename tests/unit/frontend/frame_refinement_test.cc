@@ -5,7 +5,7 @@
 #include "tests/unit/frontend/synthetic_flight.h"
 
 namespace mapmend {
-namespace {
+namespace frame_refinement_test {
 
 // Two keyframes and a frame between them that sees the points of the first.
 class FrameRefinementTest : public ::testing::Test {
@@ -72,5 +72,5 @@ TEST_F(FrameRefinementTest, SightingsAreThoseFeaturesThatShowAPoint) {
   EXPECT_EQ(sightings[0].pixel, frame->features.keypoints[3].pixel);
 }
 
-}  // namespace
+}  // namespace frame_refinement_test
 }  // namespace mapmend

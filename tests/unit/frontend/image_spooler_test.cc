@@ -9,7 +9,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace image_spooler_test {
 
 cv::Mat Pattern(int width, int height) {
   cv::Mat image(height, width, CV_8UC3);
@@ -107,5 +107,5 @@ TEST(ImageOptions, SaysWhatIsKnown) {
   }
 }
 
-}  // namespace
+}  // namespace image_spooler_test
 }  // namespace mapmend

@@ -6,7 +6,7 @@
 #include <vector>
 
 namespace mapmend {
-namespace {
+namespace index_test {
 
 template <typename A, typename B>
 constexpr bool kEqualComparable = requires(A a, B b) {
@@ -50,5 +50,5 @@ TEST(Index, IsASubscriptAndCounts) {
   EXPECT_EQ(sum, 0);
 }
 
-}  // namespace
+}  // namespace index_test
 }  // namespace mapmend

@@ -12,7 +12,7 @@
 #include "tests/unit/frontend/synthetic_flight.h"
 
 namespace mapmend {
-namespace {
+namespace initializer_test {
 
 // Rotation exact to tenths of a degree, translation in the right direction, and points where they are, up to scale.
 void ExpectMotion(const Initialization& initialization, const Rigid3& first, const Rigid3& second) {
@@ -171,5 +171,5 @@ TEST(Initializer, BeginningOverNearlyFlatGroundIsRightOrRefused) {
   EXPECT_GE(wrong_by_two_views, 3);  // or these scenes say nothing
 }
 
-}  // namespace
+}  // namespace initializer_test
 }  // namespace mapmend

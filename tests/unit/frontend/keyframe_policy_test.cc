@@ -5,7 +5,7 @@
 #include <cmath>
 
 namespace mapmend {
-namespace {
+namespace keyframe_policy_test {
 
 KeyframeEvidence Comfortable() { return {200, 250, std::cos(2.9 * M_PI / 180)}; }
 
@@ -68,5 +68,5 @@ TEST(KeyframePolicy, MeasuresSolidPointsAndTheAngleOfTheRays) {
   EXPECT_EQ(policy.Measure(early.map, tracked).solid_points, 2);
 }
 
-}  // namespace
+}  // namespace keyframe_policy_test
 }  // namespace mapmend

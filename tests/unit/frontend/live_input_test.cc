@@ -11,7 +11,7 @@
 #include "procs/frontend/ends_of_stream.h"
 
 namespace mapmend {
-namespace {
+namespace live_input_test {
 
 using std::chrono::milliseconds;
 
@@ -112,5 +112,5 @@ TEST(ForeignImage, WhatDoesNotFitIsRefused) {
   EXPECT_FALSE(DecodeForeignImage(garbage, 3, &image));
 }
 
-}  // namespace
+}  // namespace live_input_test
 }  // namespace mapmend

@@ -9,7 +9,7 @@
 #include "tests/unit/frontend/synthetic_flight.h"
 
 namespace mapmend {
-namespace {
+namespace local_mapper_test {
 
 // A map whose keyframes and points lie where they truly are.
 class LocalMapperTest : public ::testing::Test {
@@ -80,5 +80,5 @@ TEST_F(LocalMapperTest, PointsOfAStripAreFusedWithThoseOfTheStripBeside) {
   EXPECT_LT(num_twice(), before / 5);
 }
 
-}  // namespace
+}  // namespace local_mapper_test
 }  // namespace mapmend

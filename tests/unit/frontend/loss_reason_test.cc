@@ -10,7 +10,7 @@
 #include "tests/unit/frontend/synthetic_flight.h"
 
 namespace mapmend {
-namespace {
+namespace loss_reason_test {
 
 // A flight over one place, of which each test spoils the last image.
 struct Flight {
@@ -169,5 +169,5 @@ TEST(LossReason, TextsAreWhatRecordsAndEventsSay) {
   EXPECT_EQ(ToString(TrackMethod::kDescriptors), "descriptors");
 }
 
-}  // namespace
+}  // namespace loss_reason_test
 }  // namespace mapmend

@@ -9,7 +9,7 @@
 #include <vector>
 
 namespace mapmend {
-namespace {
+namespace mapping_thread_test {
 
 TEST(FairMutex, WhoeverWaitsComesBeforeTheOneWhoTakesItAgain) {
   FairMutex mutex;
@@ -76,5 +76,5 @@ TEST(MappingThread, EndsWhileKeyframesWait) {
   EXPECT_LT(begun, 100);
 }
 
-}  // namespace
+}  // namespace mapping_thread_test
 }  // namespace mapmend

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend {
-namespace {
+namespace motion_model_test {
 
 FramePtr FrameAt(double seconds) {
   auto frame = std::make_shared<Frame>();
@@ -86,5 +86,5 @@ TEST(MotionModel, TellsThatImagesAreMissing) {
   EXPECT_TRUE(motion.IsAfterGap(6100000));
 }
 
-}  // namespace
+}  // namespace motion_model_test
 }  // namespace mapmend

@@ -10,7 +10,7 @@
 #include "tests/running_hub.h"
 
 namespace mapmend {
-namespace {
+namespace position_input_test {
 
 PositionFix Fix(int second, double latitude = 50) {
   PositionFix fix;
@@ -52,5 +52,5 @@ TEST(PositionInput, LivePositionsAreTakenInOrderAndBadOnesDropped) {
   EXPECT_EQ(input.NumTold(), static_cast<int64_t>(taken.size()));
 }
 
-}  // namespace
+}  // namespace position_input_test
 }  // namespace mapmend

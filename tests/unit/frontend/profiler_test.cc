@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend {
-namespace {
+namespace profiler_test {
 
 TEST(Profiler, TellsMedianAndThePercentileThatIsNotExceeded) {
   Profiler profiler;
@@ -20,5 +20,5 @@ TEST(Profiler, TellsMedianAndThePercentileThatIsNotExceeded) {
   EXPECT_NEAR(table[1].total_s, 5.05, 1e-9);
 }
 
-}  // namespace
+}  // namespace profiler_test
 }  // namespace mapmend

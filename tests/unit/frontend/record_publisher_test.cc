@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend {
-namespace {
+namespace record_publisher_test {
 
 FramePtr FrameAt(int index) {
   auto frame = std::make_shared<Frame>();
@@ -113,5 +113,5 @@ TEST_F(RecordPublisherTest, TheEndComesLast) {
   EXPECT_EQ(Emitted<KeyframeRecord>().size(), 2u);
 }
 
-}  // namespace
+}  // namespace record_publisher_test
 }  // namespace mapmend

@@ -8,7 +8,7 @@
 #include "tests/unit/frontend/synthetic_flight.h"
 
 namespace mapmend {
-namespace {
+namespace second_opinion_test {
 
 constexpr double kStep = 0.08;
 
@@ -99,5 +99,5 @@ TEST_F(SecondOpinionTest, AnOldSubmapIsNotAsked) {
   EXPECT_FALSE(opinion.Seek(&map_));
 }
 
-}  // namespace
+}  // namespace second_opinion_test
 }  // namespace mapmend

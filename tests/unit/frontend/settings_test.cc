@@ -13,7 +13,7 @@
 #include "procs/frontend/run_options.h"
 
 namespace mapmend {
-namespace {
+namespace settings_test {
 
 // Gives an option another value that it may have.
 void Change(const Option& option) {
@@ -91,5 +91,5 @@ TEST_F(SettingsTest, ChangesStandUnderTheirNames) {
 
 TEST_F(SettingsTest, DefaultsAreWithinTheirRanges) { EXPECT_EQ(CheckOptions(RunOptions()), ""); }
 
-}  // namespace
+}  // namespace settings_test
 }  // namespace mapmend

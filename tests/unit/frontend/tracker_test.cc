@@ -11,7 +11,7 @@
 #include "tests/unit/frontend/synthetic_flight.h"
 
 namespace mapmend {
-namespace {
+namespace tracker_test {
 
 // A map of three keyframes side by side, whose poses and points are the true ones.
 class TrackerTest : public ::testing::Test {
@@ -103,5 +103,5 @@ TEST_F(TrackerTest, OfAnotherPlaceItReturnsNoPointsAndLeavesTheMapAlone) {
   EXPECT_EQ(NumFound(), found_before);
 }
 
-}  // namespace
+}  // namespace tracker_test
 }  // namespace mapmend

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend {
-namespace {
+namespace view_prediction_test {
 
 const Pinhole kCamera{500, 500, 400, 300, 800, 600};
 
@@ -45,5 +45,5 @@ TEST(PredictView, APointIsNotSeenFromFarOffItsUsualDirection) {
   }
 }
 
-}  // namespace
+}  // namespace view_prediction_test
 }  // namespace mapmend

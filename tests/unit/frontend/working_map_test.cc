@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend {
-namespace {
+namespace working_map_test {
 
 FramePtr FrameWithFeatures(int count) {
   auto frame = std::make_shared<Frame>();
@@ -79,5 +79,5 @@ TEST(WorkingMap, ARemovedKeyframeLeavesItsPointsToTheOthers) {
   EXPECT_TRUE(map.TakeUpdate().removed_keyframes.empty());
 }
 
-}  // namespace
+}  // namespace working_map_test
 }  // namespace mapmend

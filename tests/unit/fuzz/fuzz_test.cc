@@ -16,7 +16,7 @@
 // Every message type, decoded from 100,000 damaged messages each: no crash, no read or write outside, no allocation
 // beyond the message's own size, and what is accepted is exactly what a sender could have sent.
 namespace mapmend {
-namespace {
+namespace fuzz_test {
 
 constexpr int kMutations = 100000;
 
@@ -167,5 +167,5 @@ TEST(Fuzz, RecordsAreValidOrRefusedWithAReason) {
   EXPECT_GT(num_refused, 10000);
 }
 
-}  // namespace
+}  // namespace fuzz_test
 }  // namespace mapmend

@@ -5,7 +5,7 @@
 #include <cmath>
 
 namespace mapmend {
-namespace {
+namespace alignment_test {
 
 Trajectory FromCenters(const std::vector<Eigen::Vector3d>& centers) {
   Trajectory trajectory;
@@ -144,5 +144,5 @@ TEST(EvaluateTrajectoryTest, NoCommonTimeIsExplained) {
   EXPECT_NE(e.reason.find("clock"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace alignment_test
 }  // namespace mapmend

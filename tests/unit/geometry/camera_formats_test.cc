@@ -10,7 +10,7 @@
 
 // One and the same camera in every format that is read, and what each refuses.
 namespace mapmend {
-namespace {
+namespace camera_formats_test {
 
 using Model = Camera::Model;
 
@@ -494,5 +494,5 @@ TEST(FormatCameraFile, IsReadBackToTheLastDigit) {
   EXPECT_THROW(FormatCameraFile(camera, {}), std::runtime_error);
 }
 
-}  // namespace
+}  // namespace camera_formats_test
 }  // namespace mapmend

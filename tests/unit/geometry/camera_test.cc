@@ -11,7 +11,7 @@
 #include <vector>
 
 namespace mapmend {
-namespace {
+namespace camera_test {
 
 class ReadCameraTest : public ::testing::Test {
  protected:
@@ -234,5 +234,5 @@ TEST(Camera, ScalingKeepsWhereAPointIsSeen) {
   EXPECT_NEAR((large.x() + 0.5) / 2 - 0.5, small.x(), 1e-9);
 }
 
-}  // namespace
+}  // namespace camera_test
 }  // namespace mapmend

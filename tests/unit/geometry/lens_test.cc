@@ -7,7 +7,7 @@
 #include <opencv2/core.hpp>
 
 namespace mapmend {
-namespace {
+namespace lens_test {
 
 Camera Make(Camera::Model model, std::array<double, Camera::kMaxCoefficients> distortion, double focal = 300) {
   Camera camera;
@@ -109,5 +109,5 @@ TEST(Lens, WhereTheCurveTurnsBackNothingIsSeen) {
   EXPECT_TRUE(Ray(fisheye, {305.0 / 190, 0}, RadialLimit(fisheye)));
 }
 
-}  // namespace
+}  // namespace lens_test
 }  // namespace mapmend

@@ -9,7 +9,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace read_trajectory_test {
 
 constexpr int64_t kStart = 1525003606000000;
 
@@ -136,5 +136,5 @@ TEST(ReadTrajectoryFile, DamagedFilesAreReadOrRefused) {
   EXPECT_GT(num_refused, 50);
 }
 
-}  // namespace
+}  // namespace read_trajectory_test
 }  // namespace mapmend

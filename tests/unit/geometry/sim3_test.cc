@@ -8,7 +8,7 @@
 #include "libs/geometry/sim3_refinement.h"
 
 namespace mapmend {
-namespace {
+namespace sim3_test {
 
 double Uniform(std::mt19937_64* random, double low, double high) {
   return low + (high - low) * static_cast<double>((*random)() >> 11) * 0x1.0p-53;
@@ -247,5 +247,5 @@ TEST(Sim3Refinement, InformationPredictsTheErrorOfTheEstimate) {
   EXPECT_NEAR(sum / kRuns, 1, 0.25);
 }
 
-}  // namespace
+}  // namespace sim3_test
 }  // namespace mapmend

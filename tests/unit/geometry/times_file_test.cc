@@ -8,7 +8,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace times_file_test {
 
 constexpr int64_t kStart = 1525003606000000;
 
@@ -138,5 +138,5 @@ TEST(TimesOfNames, OnlyNamesThatAreTimesOfOurDays) {
   EXPECT_FALSE(TimesOfNames({}));
 }
 
-}  // namespace
+}  // namespace times_file_test
 }  // namespace mapmend

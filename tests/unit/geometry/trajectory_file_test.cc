@@ -9,7 +9,7 @@
 #include "libs/base/write_file.h"
 
 namespace mapmend {
-namespace {
+namespace trajectory_file_test {
 
 class TrajectoryFileTest : public ::testing::Test {
  protected:
@@ -112,5 +112,5 @@ TEST_F(TrajectoryFileTest, ErrorsNameFileAndLine) {
   EXPECT_THROW(WriteTrajectory(Path("no/such/dir.tum"), {}, ""), std::runtime_error);
 }
 
-}  // namespace
+}  // namespace trajectory_file_test
 }  // namespace mapmend

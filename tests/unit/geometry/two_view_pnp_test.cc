@@ -6,7 +6,7 @@
 #include "libs/geometry/two_view.h"
 
 namespace mapmend {
-namespace {
+namespace two_view_pnp_test {
 
 const Pinhole kCamera{480, 480, 400, 300, 800, 600};
 
@@ -88,5 +88,5 @@ TEST(Pnp, FindsThePoseAmongSixtyPercentOutliers) {
   EXPECT_LT((result.cam_from_world.Center() - truth.Center()).norm(), 1e-4);
 }
 
-}  // namespace
+}  // namespace two_view_pnp_test
 }  // namespace mapmend

@@ -10,7 +10,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace image_log_test {
 
 namespace fs = std::filesystem;
 
@@ -176,5 +176,5 @@ TEST_F(ImageLogTest, WhatIsNoLogIsRefused) {
   EXPECT_EQ(ExpandLogs({folder_.Path()}), std::vector<std::string>{folder_.Path()});
 }
 
-}  // namespace
+}  // namespace image_log_test
 }  // namespace mapmend

@@ -7,7 +7,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 namespace mapmend {
-namespace {
+namespace image_message_test {
 
 constexpr int kWidth = 64, kHeight = 48;
 
@@ -87,5 +87,5 @@ TEST(ImageMessage, AnEmptyImageEndsTheStream) {
   EXPECT_FALSE(IsEndOfStream(Grey()));
 }
 
-}  // namespace
+}  // namespace image_message_test
 }  // namespace mapmend

@@ -8,7 +8,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace image_file_test {
 
 KeyframeImage MakeImage(int keyframe, size_t num_bytes, const std::string& session = "s") {
   KeyframeImage image;
@@ -116,5 +116,5 @@ TEST(ImageFile, LiesBesideItsDatabase) {
   EXPECT_EQ(SpoolPathFor("results/outbox"), "results/outbox.images");
 }
 
-}  // namespace
+}  // namespace image_file_test
 }  // namespace mapmend

@@ -5,7 +5,7 @@
 #include "tests/test_flight.h"
 
 namespace mapmend {
-namespace {
+namespace level_frame_test {
 
 TEST(PlaceLevel, PutsTheGroundAtZeroUnderTheFirstCamera) {
   const TestFlight flight;
@@ -26,5 +26,5 @@ TEST(PlaceLevel, PutsTheGroundAtZeroUnderTheFirstCamera) {
   EXPECT_NEAR(center(10).y(), center(0).y(), 1e-3);
 }
 
-}  // namespace
+}  // namespace level_frame_test
 }  // namespace mapmend

@@ -5,7 +5,7 @@
 #include "tests/test_flight.h"
 
 namespace mapmend {
-namespace {
+namespace snapshot_test {
 
 // Largest distance between the placed frames of a component and the truth, metres.
 double LargestError(const TestFlight& flight, const std::vector<MergedFrame>& frames) {
@@ -219,5 +219,5 @@ TEST(MapModelTest, BadRecordsAndOldRevisionsChangeNothing) {
   EXPECT_EQ(model.Revision().transforms.revision, 3);
 }
 
-}  // namespace
+}  // namespace snapshot_test
 }  // namespace mapmend

@@ -5,7 +5,7 @@
 #include "libs/geometry/camera.h"
 
 namespace mapmend {
-namespace {
+namespace camera_examples_test {
 
 const std::string kFolder = std::string(MAPMEND_SOURCE_DIR) + "/data/cameras/";
 
@@ -31,5 +31,5 @@ TEST(CameraExamples, Fisheye) {
   EXPECT_DOUBLE_EQ(camera.distortion[3], 0.0002029367);
 }
 
-}  // namespace
+}  // namespace camera_examples_test
 }  // namespace mapmend

@@ -6,7 +6,7 @@
 #include <stdexcept>
 
 namespace mapmend {
-namespace {
+namespace edge_table_test {
 
 GraphReply TwoFlights() {
   GraphReply graph;
@@ -65,5 +65,5 @@ TEST(EdgeTable, SaysTheSameAsJson) {
   EXPECT_EQ(json.at("switched_off"), nlohmann::json::parse("[[0, 2]]"));
 }
 
-}  // namespace
+}  // namespace edge_table_test
 }  // namespace mapmend

@@ -8,7 +8,7 @@
 #include "procs/mapmend/raster_canvas.h"
 
 namespace mapmend {
-namespace {
+namespace evaluation_report_test {
 
 using ::testing::HasSubstr;
 
@@ -71,5 +71,5 @@ TEST_F(EvaluationReportTest, PictureShowsAlignedTrackTruthAndErrors) {
   EXPECT_EQ(canvas.EncodePng().substr(1, 3), "PNG");
 }
 
-}  // namespace
+}  // namespace evaluation_report_test
 }  // namespace mapmend

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 namespace mapmend {
-namespace {
+namespace flight_verdict_test {
 
 using testing::HasSubstr;
 using testing::StartsWith;
@@ -90,5 +90,5 @@ TEST(DescribeSmallMap, ReadsTheFlightInQuestionFromTheSummary) {
   EXPECT_EQ(DescribeSmallMap(summary, "third"), "");
 }
 
-}  // namespace
+}  // namespace flight_verdict_test
 }  // namespace mapmend

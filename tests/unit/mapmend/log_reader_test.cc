@@ -13,7 +13,7 @@
 #include "libs/wire/record_checksums.h"
 
 namespace mapmend {
-namespace {
+namespace log_reader_test {
 
 const char kSessionId[] = "0a4b1f0e-3c55-4a5e-9d4e-2f6f6a1c0001";
 
@@ -233,5 +233,5 @@ TEST_F(LogReaderTest, PutsPartsTogether) {
   std::filesystem::remove_all(folder);
 }
 
-}  // namespace
+}  // namespace log_reader_test
 }  // namespace mapmend

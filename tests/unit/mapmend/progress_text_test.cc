@@ -6,7 +6,7 @@
 #include "procs/mapmend/progress.h"
 
 namespace mapmend {
-namespace {
+namespace progress_text_test {
 
 TEST(DescribeFlight, CountsInTheRightNumber) {
   FlightProgress progress;
@@ -62,5 +62,5 @@ TEST(FitToWidth, LeavesTheLastColumnFree) {
   EXPECT_EQ(FitToWidth("0123456789", 2), "0");
 }
 
-}  // namespace
+}  // namespace progress_text_test
 }  // namespace mapmend

@@ -17,7 +17,7 @@
 #include "procs/mapmend/run_options.h"
 
 namespace mapmend {
-namespace {
+namespace run_inputs_test {
 
 namespace fs = std::filesystem;
 
@@ -232,5 +232,5 @@ TEST(PlanBus, BringsAHubOnlyWhereNoneAnswers) {
   }
 }
 
-}  // namespace
+}  // namespace run_inputs_test
 }  // namespace mapmend

@@ -10,7 +10,7 @@
 #include "procs/mapmend/progress.h"
 
 namespace mapmend {
-namespace {
+namespace run_summary_test {
 
 class RunSummaryTest : public testing::Test {
  protected:
@@ -114,5 +114,5 @@ TEST(FormatDuration, ShowsHoursOnlyWhenThereAreSome) {
   EXPECT_EQ(FormatDuration(3725), "1:02:05");
 }
 
-}  // namespace
+}  // namespace run_summary_test
 }  // namespace mapmend

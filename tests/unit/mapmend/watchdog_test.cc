@@ -9,7 +9,7 @@
 #include <thread>
 
 namespace mapmend {
-namespace {
+namespace watchdog_test {
 
 using std::chrono::milliseconds;
 using Clock = Watchdog::Clock;
@@ -112,5 +112,5 @@ TEST(Watchdog, AProcessThatIsGoneIsSomebodyElsesBusiness) {
   EXPECT_FALSE(Hangs(&watchdog, pid, true, 400));
 }
 
-}  // namespace
+}  // namespace watchdog_test
 }  // namespace mapmend

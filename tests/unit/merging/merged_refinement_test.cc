@@ -12,7 +12,7 @@
 #include "tests/merger_fixture.h"
 
 namespace mapmend {
-namespace {
+namespace merged_refinement_test {
 
 using testing::FlightOptions;
 using testing::NadirPose;
@@ -341,5 +341,5 @@ TEST(MergedMap, FusionKeepsOneFeaturePerKeyframe) {
   EXPECT_FALSE(map.points[b].track.empty());
 }
 
-}  // namespace
+}  // namespace merged_refinement_test
 }  // namespace mapmend

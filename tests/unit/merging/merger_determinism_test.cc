@@ -10,7 +10,7 @@
 #include "tests/synthetic_flight.h"
 
 namespace mapmend {
-namespace {
+namespace merger_determinism_test {
 
 using testing::BruteForceBow;
 using testing::Digest;
@@ -279,5 +279,5 @@ TEST(MergerDeterminism, ARefinementLeavesOutEvidenceWhoseKeyframeWasCulled) {
   EXPECT_TRUE(merger.TakeRefinement(RunRefinement(task, {})));
 }
 
-}  // namespace
+}  // namespace merger_determinism_test
 }  // namespace mapmend

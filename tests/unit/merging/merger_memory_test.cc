@@ -11,7 +11,7 @@
 // What keyframes beyond the cache take. That the map does not depend on what is held is told in
 // merger_determinism_test.cc.
 namespace mapmend {
-namespace {
+namespace merger_memory_test {
 
 using testing::Strip;
 using testing::SyntheticFlight;
@@ -85,5 +85,5 @@ TEST(MergerMemory, AKeyframeBeyondTheCacheTakesLessThanItsKeypoints) {
   EXPECT_LT(grown, keypoints) << grown / num_added << " bytes a keyframe";
 }
 
-}  // namespace
+}  // namespace merger_memory_test
 }  // namespace mapmend

@@ -9,7 +9,7 @@
 #include "tests/synthetic_flight.h"
 
 namespace mapmend {
-namespace {
+namespace merger_test {
 
 using testing::BruteForceBow;
 using testing::CopyPatch;
@@ -252,5 +252,5 @@ TEST(Merger, AnEdgeSwitchedOffByHandStaysOff) {
   EXPECT_EQ(out.transforms.back().edges.size(), 2u);
 }
 
-}  // namespace
+}  // namespace merger_test
 }  // namespace mapmend

@@ -5,7 +5,7 @@
 #include "tests/synthetic_flight.h"
 
 namespace mapmend {
-namespace {
+namespace refinement_schedule_test {
 
 using testing::MakeTerrain;
 using testing::Strip;
@@ -126,5 +126,5 @@ TEST_F(RefinementScheduleTest, ComponentsAreNumberedByTheFramesTheyHold) {
   EXPECT_FALSE(places.submaps[1].is_root);
 }
 
-}  // namespace
+}  // namespace refinement_schedule_test
 }  // namespace mapmend

@@ -10,7 +10,7 @@
 #include "tests/synthetic_flight.h"
 
 namespace mapmend {
-namespace {
+namespace restoration_log_test {
 
 using testing::MakeTerrain;
 using testing::Strip;
@@ -176,5 +176,5 @@ TEST(RestorationLog, LettersGoOnAfterZ) {
   EXPECT_EQ(SubmapLetters(26 + 26 * 26), "AAA");
 }
 
-}  // namespace
+}  // namespace restoration_log_test
 }  // namespace mapmend

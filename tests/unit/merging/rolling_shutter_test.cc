@@ -9,7 +9,7 @@
 #include "tests/shuffled_heap.h"
 
 namespace mapmend {
-namespace {
+namespace rolling_shutter_test {
 
 using testing::FlightOptions;
 using testing::NadirPose;
@@ -187,5 +187,5 @@ TEST(RollingShutter, JacobiansAreThoseOfDifferences) {
   EXPECT_LT((difference(&readout) - by_readout).norm(), 1e-4);
 }
 
-}  // namespace
+}  // namespace rolling_shutter_test
 }  // namespace mapmend

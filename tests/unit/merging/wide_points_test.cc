@@ -6,7 +6,7 @@
 #include "tests/merger_fixture.h"
 
 namespace mapmend {
-namespace {
+namespace wide_points_test {
 
 using testing::FlightOptions;
 using testing::NadirPose;
@@ -105,5 +105,5 @@ TEST_F(WidePointsTest, HoldTheSeamThatNothingElseHolds) {
   EXPECT_LT(ErrorAcross(result.map), 0.3);
 }
 
-}  // namespace
+}  // namespace wide_points_test
 }  // namespace mapmend

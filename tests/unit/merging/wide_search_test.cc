@@ -11,7 +11,7 @@
 #include "tests/unit/connecting/wide_world.h"
 
 namespace mapmend {
-namespace {
+namespace wide_search_test {
 
 using testing::BruteForceBow;
 using testing::Digest;
@@ -258,5 +258,5 @@ TEST(WideSearch, WhatIsJoinedStaysAsItIs) {
   EXPECT_EQ(digests[0], digests[1]);
 }
 
-}  // namespace
+}  // namespace wide_search_test
 }  // namespace mapmend

@@ -6,7 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 namespace mapmend {
-namespace {
+namespace blended_block_test {
 
 constexpr int kSize = 256, kLevels = 5;
 
@@ -66,5 +66,5 @@ TEST(BlendedBlock, WhatNoImageShowsTakesNoPart) {
   for (const int column : {0, 50, 99}) EXPECT_NEAR(joined.at<cv::Vec3b>(128, column)[0], 200, 2) << column;
 }
 
-}  // namespace
+}  // namespace blended_block_test
 }  // namespace mapmend

@@ -7,7 +7,7 @@
 #include "libs/base/random.h"
 
 namespace mapmend {
-namespace {
+namespace exposure_test {
 
 struct Case {
   std::vector<double> gains = {1.0, 1.3, 0.8, 1.1, 0.9};
@@ -56,5 +56,5 @@ TEST(Exposure, ClippedSamplesAndImagesWithoutOverlapStayAsTheyAre) {
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(found.Correction(i, 0) / found.Vignetting(0.5F), 1, 1e-6);
 }
 
-}  // namespace
+}  // namespace exposure_test
 }  // namespace mapmend

@@ -9,7 +9,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace geotiff_test {
 
 const GroundRaster kRaster{{500000, 5400000}, 0.25, 700, 600};
 
@@ -100,5 +100,5 @@ TEST(GeoTiff, HeightsAreThoseOfTheSurface) {
   GDALClose(dataset);
 }
 
-}  // namespace
+}  // namespace geotiff_test
 }  // namespace mapmend

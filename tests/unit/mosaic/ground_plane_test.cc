@@ -9,7 +9,7 @@
 #include "libs/geometry/similarity3.h"
 
 namespace mapmend {
-namespace {
+namespace ground_plane_test {
 
 // What is level in the world, turned by any rotation.
 const Similarity3 kMapFromWorld(0.3, Eigen::Quaterniond(0.3, -0.5, 0.7, 0.2), {1, 2, 3});
@@ -76,5 +76,5 @@ TEST(FindGroundPlane, ThereIsNoneInACloud) {
   EXPECT_FALSE(FindGroundPlane(scene.points, {}, 1).has_value());
 }
 
-}  // namespace
+}  // namespace ground_plane_test
 }  // namespace mapmend

@@ -7,7 +7,7 @@
 #include "libs/base/random.h"
 
 namespace mapmend {
-namespace {
+namespace ground_surface_test {
 
 std::vector<Eigen::Vector3d> Sampled(const std::function<double(double, double)>& height, int count) {
   Random random(3);
@@ -57,5 +57,5 @@ TEST(GroundSurface, WithoutPointsIsAPlane) {
   EXPECT_EQ(GroundSurface(5).Height(3, 4), 5);
 }
 
-}  // namespace
+}  // namespace ground_surface_test
 }  // namespace mapmend

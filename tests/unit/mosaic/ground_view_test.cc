@@ -5,7 +5,7 @@
 #include "tests/unit/mosaic/synthetic_ground.h"
 
 namespace mapmend {
-namespace {
+namespace ground_view_test {
 
 TEST(GroundView, SeesThePlaceBelowInTheMiddleOfTheImage) {
   const GroundView view(SyntheticGround::MakeCamera(), SyntheticGround::Above(3, 4, 10));
@@ -81,5 +81,5 @@ TEST(GroundView, ARollingShutterIsWhereTheCameraWasWhenItReadTheLine) {
   }
 }
 
-}  // namespace
+}  // namespace ground_view_test
 }  // namespace mapmend

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend {
-namespace {
+namespace mosaic_pictures_test {
 
 TEST(MosaicPreview, IsTheMeanOfWhatIsShown) {
   const GroundRaster raster{{0, 0}, 0.5, 400, 200};
@@ -46,5 +46,5 @@ TEST(CoveragePicture, FromRedToBlue) {
   EXPECT_EQ(picture.at<cv::Vec4b>(200, 202)[3], 0);
 }
 
-}  // namespace
+}  // namespace mosaic_pictures_test
 }  // namespace mapmend

@@ -7,7 +7,7 @@
 #include "tests/unit/mosaic/synthetic_ground.h"
 
 namespace mapmend {
-namespace {
+namespace mosaic_test {
 
 // Two strips of images, some turned, one tilted, exposed differently.
 std::vector<MosaicImage> Images(const Camera& camera = SyntheticGround::MakeCamera()) {
@@ -126,5 +126,5 @@ TEST(Mosaic, CoverageCountsImages) {
   EXPECT_LE(most, 8);
 }
 
-}  // namespace
+}  // namespace mosaic_test
 }  // namespace mapmend

@@ -11,7 +11,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace tile_file_test {
 
 cv::Mat Plain(const cv::Vec3b& color, int shown_columns = kTilePixels) {
   cv::Mat picture = cv::Mat::zeros(kTilePixels, kTilePixels, CV_8UC4);
@@ -142,5 +142,5 @@ TEST(TileFile, GdalReadsIt) {
   GDALClose(dataset);
 }
 
-}  // namespace
+}  // namespace tile_file_test
 }  // namespace mapmend

@@ -8,7 +8,7 @@
 #include "tests/unit/mosaic/synthetic_ground.h"
 
 namespace mapmend {
-namespace {
+namespace tile_mosaic_test {
 
 using Clock = std::chrono::steady_clock;
 
@@ -210,5 +210,5 @@ TEST(TileMosaic, AnImageThatCannotBeReadLeavesItsUnitsForLater) {
   EXPECT_GT(file.Tiles().size(), 0u);
 }
 
-}  // namespace
+}  // namespace tile_mosaic_test
 }  // namespace mapmend

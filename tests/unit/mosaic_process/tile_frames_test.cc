@@ -5,7 +5,7 @@
 #include "tests/test_flight.h"
 
 namespace mapmend {
-namespace {
+namespace tile_frames_test {
 
 // The flight's map without connections: each submap is a part of its own.
 struct ApartFlight {
@@ -131,5 +131,5 @@ TEST(TileFrames, WhatHasNoPlaceOnTheEarthLiesBesideWhatHas) {
   EXPECT_LT(other->bounds.high.y(), placed->bounds.low.y());
 }
 
-}  // namespace
+}  // namespace tile_frames_test
 }  // namespace mapmend

@@ -8,7 +8,7 @@
 #include "tests/shuffled_heap.h"
 
 namespace mapmend {
-namespace {
+namespace bundle_adjuster_test {
 
 const Pinhole kCamera{480, 470, 400, 300, 800, 600};
 constexpr int kPoses = 24, kPoints = 700;
@@ -171,5 +171,5 @@ TEST(BundleAdjuster, AWindowWithoutObservationsChangesNothing) {
   EXPECT_EQ(Difference(again, own), 0);
 }
 
-}  // namespace
+}  // namespace bundle_adjuster_test
 }  // namespace mapmend

@@ -11,7 +11,7 @@
 #include "libs/optim/reprojection_cost.h"
 
 namespace mapmend {
-namespace {
+namespace bundle_adjustment_test {
 
 const Pinhole kCamera{480, 470, 400, 300, 800, 600};
 
@@ -197,5 +197,5 @@ TEST(BundleAdjustment, WithoutObservationsNothingChanges) {
   EXPECT_EQ(problem.points[0], Eigen::Vector3d(1, 2, 3));
 }
 
-}  // namespace
+}  // namespace bundle_adjustment_test
 }  // namespace mapmend

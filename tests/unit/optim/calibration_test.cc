@@ -8,7 +8,7 @@
 #include "libs/optim/calibration_cost.h"
 
 namespace mapmend {
-namespace {
+namespace calibration_test {
 
 Camera TrueCamera() {
   Camera camera;
@@ -161,5 +161,5 @@ TEST(Calibration, OtherLensesAndSmallMapsAreRefused) {
   EXPECT_NE(CalibrateByMap({}, problem).reason.find("too small"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace calibration_test
 }  // namespace mapmend

@@ -5,7 +5,7 @@
 #include "libs/base/random.h"
 
 namespace mapmend {
-namespace {
+namespace pose_optimization_test {
 
 TEST(OptimizePose, ConvergesToTheTruthAndMarksOutliers) {
   const Pinhole camera{480, 480, 400, 300, 800, 600};
@@ -33,5 +33,5 @@ TEST(OptimizePose, TooFewObservationsFail) {
   EXPECT_FALSE(OptimizePose({480, 480, 400, 300, 800, 600}, {}, {{{0, 0, 1}, {400, 300}, 1}}, {}).success);
 }
 
-}  // namespace
+}  // namespace pose_optimization_test
 }  // namespace mapmend

@@ -8,7 +8,7 @@
 #include "libs/base/random.h"
 
 namespace mapmend {
-namespace {
+namespace pose_uncertainty_test {
 
 const Pinhole kCamera{480, 480, 400, 300, 800, 600};
 
@@ -102,5 +102,5 @@ TEST(PoseUncertainty, PointsThatFixNothingAreInfinitelyUncertain) {
   EXPECT_GT(RelativePositionSigma(kCamera, {}, std::vector<PoseObservation>(20, same)), 1.0);
 }
 
-}  // namespace
+}  // namespace pose_uncertainty_test
 }  // namespace mapmend

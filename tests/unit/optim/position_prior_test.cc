@@ -7,7 +7,7 @@
 #include "libs/optim/sim3_pose_graph.h"
 
 namespace mapmend {
-namespace {
+namespace position_prior_test {
 
 Rigid3 SomePose() { return {Eigen::Quaterniond(0.7, 0.1, -0.4, 0.3).normalized(), {1, -2, 3}}; }
 
@@ -101,5 +101,5 @@ TEST(PositionPrior, BundleAdjustmentTakesScaleAndPlaceFromThem) {
   for (int i = 0; i < 5; ++i) EXPECT_LT((problem.poses[i].cam_from_world.Center() - centers[i]).norm(), 1e-3) << i;
 }
 
-}  // namespace
+}  // namespace position_prior_test
 }  // namespace mapmend

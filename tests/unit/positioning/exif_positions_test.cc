@@ -10,7 +10,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace exif_positions_test {
 
 std::string MakePhoto(const ScratchFolder& folder, const std::string& name, bool has_position) {
   const std::string path = folder.File(name);
@@ -53,5 +53,5 @@ TEST(ExifPositions, OfAFolderAreTakenByThemselves) {
   EXPECT_THROW(PositionSource::Open("exif", "", {folder.Path()}, {photos[0]}), std::runtime_error);
 }
 
-}  // namespace
+}  // namespace exif_positions_test
 }  // namespace mapmend

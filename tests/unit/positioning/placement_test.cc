@@ -4,12 +4,12 @@
 
 #include <cmath>
 
+#include "libs/base/degree.h"
 #include "libs/base/random.h"
 
 namespace mapmend {
-namespace {
+namespace placement_test {
 
-constexpr double kDegree = M_PI / 180;
 const Geodetic kOrigin{28.04, -82.7, 5};
 
 double Normal(Random* random) {
@@ -285,5 +285,5 @@ TEST(CameraRotation, LooksWhereItShould) {
   EXPECT_LT((CameraRotation(0, 0, 30) * right).z(), -0.4);
 }
 
-}  // namespace
+}  // namespace placement_test
 }  // namespace mapmend

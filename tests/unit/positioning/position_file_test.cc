@@ -9,7 +9,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace position_file_test {
 
 class PositionFileTest : public ::testing::Test {
  protected:
@@ -214,5 +214,5 @@ TEST_F(PositionFileTest, SubtitlesBesideTheVideoCountFromItsFirstFrame) {
   EXPECT_TRUE(PositionSource::Open("", "", {folder_.Path() + "/other.mp4"}, {}).IsEmpty());
 }
 
-}  // namespace
+}  // namespace position_file_test
 }  // namespace mapmend

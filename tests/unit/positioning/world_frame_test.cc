@@ -8,7 +8,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace world_frame_test {
 
 TEST(LocalFrame, ThereAndBack) {
   const LocalFrame frame({28.04, -82.7, 12});
@@ -54,5 +54,5 @@ TEST(ParseGeodetic, GoodAndBad) {
     EXPECT_THROW(ParseGeodetic(bad, "--gps-origin"), std::runtime_error) << bad;
 }
 
-}  // namespace
+}  // namespace world_frame_test
 }  // namespace mapmend

@@ -5,7 +5,7 @@
 #include <map>
 
 namespace mapmend {
-namespace {
+namespace adaptive_thresholds_test {
 
 BowVector Bow(std::vector<int32_t> words) {
   BowVector bow;
@@ -117,5 +117,5 @@ TEST(SelectCandidates, ChanceIsNotACandidate) {
   EXPECT_TRUE(SelectCandidates({}, 500, {}, kNoNeighbors, {}).candidates.empty());
 }
 
-}  // namespace
+}  // namespace adaptive_thresholds_test
 }  // namespace mapmend

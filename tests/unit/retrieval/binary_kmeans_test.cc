@@ -5,7 +5,7 @@
 #include <set>
 
 namespace mapmend {
-namespace {
+namespace binary_kmeans_test {
 
 Descriptor RandomDescriptor(Random* random) { return {random->Next(), random->Next(), random->Next(), random->Next()}; }
 
@@ -62,5 +62,5 @@ TEST(ClusterBinary, CopesWithFewDistinctDescriptors) {
   EXPECT_TRUE(ClusterBinary({}, 10, 10, &random).centers.empty());
 }
 
-}  // namespace
+}  // namespace binary_kmeans_test
 }  // namespace mapmend

@@ -6,7 +6,7 @@
 #include <random>
 
 namespace mapmend {
-namespace {
+namespace inverted_index_test {
 
 BowVector Bow(std::vector<int32_t> words) {
   BowVector bow;
@@ -177,5 +177,5 @@ TEST(InvertedIndex, RefusesBadVectorsUnchanged) {
   EXPECT_EQ(index.Query(Bow({3}), {.last_seq = {9}}).size(), 0u);
 }
 
-}  // namespace
+}  // namespace inverted_index_test
 }  // namespace mapmend

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend {
-namespace {
+namespace recall_test {
 
 TEST(MeasureRecall, CountsQueriesWhosePlaceIsRankedFirstOrLater) {
   const auto frame = [](double x, std::vector<int32_t> words) {
@@ -25,5 +25,5 @@ TEST(MeasureRecall, CountsQueriesWhosePlaceIsRankedFirstOrLater) {
   EXPECT_EQ(MeasureRecall({}, {}).num_queries, 0);
 }
 
-}  // namespace
+}  // namespace recall_test
 }  // namespace mapmend

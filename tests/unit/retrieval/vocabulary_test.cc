@@ -15,7 +15,7 @@
 #include "libs/retrieval/vocabulary_trainer.h"
 
 namespace mapmend {
-namespace {
+namespace vocabulary_test {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -269,5 +269,5 @@ TEST(TrainVocabulary, RefusesNothingToLearnFrom) {
   EXPECT_THROW(TrainVocabulary(RandomImages(2, 20), options), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace vocabulary_test
 }  // namespace mapmend

@@ -11,7 +11,7 @@
 #include "tools/simulate/simulator.h"
 
 namespace mapmend::simulate {
-namespace {
+namespace bundle_test {
 
 // Root mean square of the residuals below a pixel, per coordinate; the share of those.
 double Residual(const BundleProblem& problem, double* share) {
@@ -140,5 +140,5 @@ TEST(Simulator, BundleAdjustmentOfPicturesRecoversThePoses) {
   EXPECT_LT(angle, 0.12);
 }
 
-}  // namespace
+}  // namespace bundle_test
 }  // namespace mapmend::simulate

@@ -9,7 +9,7 @@
 #include "tools/simulate/renderer.h"
 
 namespace mapmend::simulate {
-namespace {
+namespace facets_test {
 
 // A yard with boxes and houses of one textured and several plain faces.
 void FillYard(Scene* scene) {
@@ -314,5 +314,5 @@ TEST(RowKernels, GroundIsTheSameOnAllProcessors) {
   EXPECT_GT(settled, 700);
 }
 
-}  // namespace
+}  // namespace facets_test
 }  // namespace mapmend::simulate

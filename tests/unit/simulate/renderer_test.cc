@@ -8,7 +8,7 @@
 #include "tools/simulate/trajectory.h"
 
 namespace mapmend::simulate {
-namespace {
+namespace renderer_test {
 
 // Hilly dark ground of one colour.
 void SetGround(Scene* scene, double size, double hills) {
@@ -255,5 +255,5 @@ TEST(Renderer, BlurEqualsTheMeanOfSubFrames) {
   EXPECT_GT(without / count, 4.0) << "the picture must differ without blur, or this tests nothing";
 }
 
-}  // namespace
+}  // namespace renderer_test
 }  // namespace mapmend::simulate

@@ -11,7 +11,7 @@
 #include "tools/simulate/random.h"
 
 namespace mapmend::simulate {
-namespace {
+namespace row_kernels_test {
 
 const RowKernels* const kKernels[] = {&RowKernels::Portable(), &RowKernels::Get()};
 
@@ -208,5 +208,5 @@ TEST(RowKernels, ValuesAreTheSameOnAllProcessors) {
   }
 }
 
-}  // namespace
+}  // namespace row_kernels_test
 }  // namespace mapmend::simulate

@@ -8,7 +8,7 @@
 #include <fstream>
 
 namespace mapmend::simulate {
-namespace {
+namespace scenario_test {
 
 using ::testing::HasSubstr;
 
@@ -108,5 +108,5 @@ TEST(Scenario, RandomEventsDependOnTheSeedAndKeepApart) {
   }
 }
 
-}  // namespace
+}  // namespace scenario_test
 }  // namespace mapmend::simulate

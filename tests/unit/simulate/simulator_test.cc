@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend::simulate {
-namespace {
+namespace simulator_test {
 
 const std::string kData = std::string(MAPMEND_SOURCE_DIR) + "/data";
 
@@ -97,5 +97,5 @@ TEST(Simulator, TwinLooksTheSameASecondTimeAndNothingElseDoes) {
   EXPECT_GT(outside, 0.1);
 }
 
-}  // namespace
+}  // namespace simulator_test
 }  // namespace mapmend::simulate

@@ -4,10 +4,10 @@
 
 #include <cmath>
 
-namespace mapmend::simulate {
-namespace {
+#include "libs/base/degree.h"
 
-constexpr double kDegree = 3.14159265358979323846 / 180;
+namespace mapmend::simulate {
+namespace trajectory_test {
 
 Scenario Calm() {
   Scenario scenario;
@@ -89,5 +89,5 @@ TEST(CameraMotion, EventsMoveTheCameraAndEnd) {
   EXPECT_NEAR(motion.WorldFromCamera(11).translation.z(), 40, 1e-9);
 }
 
-}  // namespace
+}  // namespace trajectory_test
 }  // namespace mapmend::simulate

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend {
-namespace {
+namespace frames_read_test {
 
 int Count(const std::string& settings, int first_frame, int last_frame) {
   SessionStarted start;
@@ -33,5 +33,5 @@ TEST(CountFramesRead, SettingsOfAnotherProgramLeaveNothingOut) {
   }
 }
 
-}  // namespace
+}  // namespace frames_read_test
 }  // namespace mapmend

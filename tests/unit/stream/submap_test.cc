@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend {
-namespace {
+namespace submap_test {
 
 // A session with one submap of keyframes 0 to 3 (at x = 0 to 3) that see points 0 to 5: keyframe 2 shares four with 1,
 // two with 3.
@@ -161,5 +161,5 @@ TEST_F(SubmapTest, KnowsWhatKeyframesShareWithoutItsObservations) {
   EXPECT_TRUE(forgetful.CountShared(forgetful.keyframes.at(KeyframeId(0))).empty());
 }
 
-}  // namespace
+}  // namespace submap_test
 }  // namespace mapmend

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend {
-namespace {
+namespace tree_changes_test {
 
 MergedTransforms WithEdges(const std::vector<std::pair<int, int>>& edges) {
   MergedTransforms transforms;
@@ -29,5 +29,5 @@ TEST(TreeChanges, TellsWhatJoinedAndWhatLeft) {
   EXPECT_EQ(DescribePair(second[2]), "submap 11111111:2 and submap 22222222:0");
 }
 
-}  // namespace
+}  // namespace tree_changes_test
 }  // namespace mapmend

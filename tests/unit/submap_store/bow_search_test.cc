@@ -10,7 +10,7 @@
 #include "tests/synthetic_stream.h"
 
 namespace mapmend {
-namespace {
+namespace bow_search_test {
 
 // Three submaps over the same ten places: keyframe 10 s + p is at place p in submap s. A second flight sees them, too.
 class BowSearchTest : public ::testing::Test {
@@ -148,5 +148,5 @@ TEST_F(BowSearchTest, TheAnswerIsToTheOneWhoAsked) {
   EXPECT_EQ(answer.keyframe, KeyframeId(14));
 }
 
-}  // namespace
+}  // namespace bow_search_test
 }  // namespace mapmend

@@ -10,7 +10,7 @@
 #include "tests/synthetic_stream.h"
 
 namespace mapmend {
-namespace {
+namespace closed_session_test {
 
 class ClosedSession : public ::testing::Test {
  protected:
@@ -78,5 +78,5 @@ TEST_F(ClosedSession, OfAFlightWithoutASubmapThereAreNone) {
   EXPECT_EQ(FramesRead(), 0);
 }
 
-}  // namespace
+}  // namespace closed_session_test
 }  // namespace mapmend

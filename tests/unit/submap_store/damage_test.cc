@@ -18,7 +18,7 @@
 #include "tests/unit/submap_store/filled_db.h"
 
 namespace mapmend {
-namespace {
+namespace damage_test {
 
 // Everything that the tables hold; nullopt if it cannot be read.
 std::optional<std::string> Content(const std::string& path) {
@@ -239,5 +239,5 @@ TEST_F(Repair, WhatIsNoSourceIsRefusedAndNothingChanges) {
   EXPECT_FALSE(std::filesystem::exists(db_ + ".part"));
 }
 
-}  // namespace
+}  // namespace damage_test
 }  // namespace mapmend

@@ -19,7 +19,7 @@
 #include "tests/synthetic_stream.h"
 
 namespace mapmend {
-namespace {
+namespace db_files_test {
 
 SyntheticStreamOptions Flight(const std::string& session) {
   SyntheticStreamOptions options;
@@ -342,5 +342,5 @@ TEST(Sha256, AgreesWithTheStandardsExamples) {
   EXPECT_EQ(digest(std::string(1000000, 'a')), "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0");
 }
 
-}  // namespace
+}  // namespace db_files_test
 }  // namespace mapmend

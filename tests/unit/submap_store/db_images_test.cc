@@ -10,7 +10,7 @@
 #include "tests/unit/submap_store/filled_db.h"
 
 namespace mapmend {
-namespace {
+namespace db_images_test {
 
 // A flight with an image for each keyframe that was not culled. Returns how many.
 int FillWithImages(const std::string& db, const std::string& session) {
@@ -92,5 +92,5 @@ TEST(DbImages, AMapWithoutThemIsAGoodOne) {
   EXPECT_FALSE(std::filesystem::exists(ImagePathFor(db))) << "none is made";
 }
 
-}  // namespace
+}  // namespace db_images_test
 }  // namespace mapmend

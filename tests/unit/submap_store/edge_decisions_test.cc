@@ -11,7 +11,7 @@
 #include "tests/synthetic_stream.h"
 
 namespace mapmend {
-namespace {
+namespace edge_decisions_test {
 
 EdgeDecision Decision(int a, int b, bool disabled, const std::string& session = "s") {
   return {{session, SubmapId(a)}, {session, SubmapId(b)}, disabled};
@@ -84,5 +84,5 @@ TEST_F(EdgeDecisionsTest, GoIntoAMergedDatabase) {
   EXPECT_EQ(all[1].a.session, "longer");
 }
 
-}  // namespace
+}  // namespace edge_decisions_test
 }  // namespace mapmend

@@ -5,7 +5,7 @@
 #include <vector>
 
 namespace mapmend {
-namespace {
+namespace request_queue_test {
 
 class RequestQueueTest : public ::testing::Test {
  protected:
@@ -49,5 +49,5 @@ TEST_F(RequestQueueTest, StopsWhenEnoughHasBeenSent) {
   EXPECT_EQ(answered_, (Ids{0, 1, 2, 3}));
 }
 
-}  // namespace
+}  // namespace request_queue_test
 }  // namespace mapmend

@@ -5,7 +5,7 @@
 #include "tests/synthetic_stream.h"
 
 namespace mapmend {
-namespace {
+namespace session_log_test {
 
 class SessionLogTest : public ::testing::Test {
  protected:
@@ -177,5 +177,5 @@ TEST_F(SessionLogTest, ClosingEndsWhatIsOpenAndIsNotAcknowledgedToTheFrontend) {
   EXPECT_TRUE(log_.TakeClosing().empty()) << "it has ended";
 }
 
-}  // namespace
+}  // namespace session_log_test
 }  // namespace mapmend

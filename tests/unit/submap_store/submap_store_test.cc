@@ -15,7 +15,7 @@
 #include "tests/synthetic_stream.h"
 
 namespace mapmend {
-namespace {
+namespace submap_store_test {
 
 class SubmapStoreTest : public ::testing::Test {
  protected:
@@ -495,5 +495,5 @@ TEST_F(SubmapStoreTest, QueryBeyondWhatIsCommittedIsNotAnsweredYet) {
   EXPECT_EQ(store_->Query(query).status, BowAnswer::Status::kBadQuery);
 }
 
-}  // namespace
+}  // namespace submap_store_test
 }  // namespace mapmend

@@ -5,7 +5,7 @@
 #include "libs/base/checksum.h"
 
 namespace mapmend {
-namespace {
+namespace wanted_images_test {
 
 using std::chrono::milliseconds;
 
@@ -103,5 +103,5 @@ TEST(WantedImages, WhatItsSenderDoesNotHaveIsNotAskedForAgain) {
   EXPECT_EQ(Keyframes(wanted.NextRequest("s", kStart + milliseconds(20000))), (std::vector<int>{}));
 }
 
-}  // namespace
+}  // namespace wanted_images_test
 }  // namespace mapmend

@@ -8,7 +8,7 @@
 #include "tests/test_flight.h"
 
 namespace mapmend {
-namespace {
+namespace colmap_export_test {
 
 std::vector<std::string> Lines(const std::string& text) {
   std::vector<std::string> lines;
@@ -205,5 +205,5 @@ TEST(ColmapExportTest, LensesHaveTheirModels) {
   EXPECT_FALSE(ToColmapCamera(camera));
 }
 
-}  // namespace
+}  // namespace colmap_export_test
 }  // namespace mapmend

@@ -10,7 +10,7 @@
 #include "procs/viewer_export/connection_picture.h"
 
 namespace mapmend {
-namespace {
+namespace connection_matches_test {
 
 constexpr int kLandmarks = 60;
 constexpr Pinhole kPinhole = {400, 400, 319.5, 239.5, 640, 480};
@@ -152,5 +152,5 @@ TEST(ConnectionPicture, ShowsBothImagesAndWhatWasMatched) {
   EXPECT_GT(num_green, 1000);
 }
 
-}  // namespace
+}  // namespace connection_matches_test
 }  // namespace mapmend

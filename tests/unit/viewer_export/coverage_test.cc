@@ -5,7 +5,7 @@
 #include <cmath>
 
 namespace mapmend {
-namespace {
+namespace coverage_test {
 
 // A square of 10 m around a place, seen from 20 m above.
 Footprint Square(double x, double y) {
@@ -86,5 +86,5 @@ TEST(Coverage, ABayOfTheOutlineIsNoHole) {
 
 TEST(Coverage, Nothing) { EXPECT_TRUE(MeasureCoverage({}, {}).counts.empty()); }
 
-}  // namespace
+}  // namespace coverage_test
 }  // namespace mapmend

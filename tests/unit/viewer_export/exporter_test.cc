@@ -14,7 +14,7 @@
 #include "tests/test_flight.h"
 
 namespace mapmend {
-namespace {
+namespace exporter_test {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -339,5 +339,5 @@ TEST(GraphSvgTest, LabelsNeverOverlap) {
   }
 }
 
-}  // namespace
+}  // namespace exporter_test
 }  // namespace mapmend

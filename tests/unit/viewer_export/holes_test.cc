@@ -7,7 +7,7 @@
 #include "tests/test_flight.h"
 
 namespace mapmend {
-namespace {
+namespace holes_test {
 
 // The model of a flight that ends with this frame; each record may be changed before.
 MapModel ModelEnding(const TestFlight& flight, int last_frame, const std::function<void(Record*)>& change = {}) {
@@ -85,5 +85,5 @@ TEST(DescribeHoles, NamesTheLongest) {
             "3 holes; the longest: frames 30 to 49 (20 frames, 21 s)");
 }
 
-}  // namespace
+}  // namespace holes_test
 }  // namespace mapmend

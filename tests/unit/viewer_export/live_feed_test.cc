@@ -6,7 +6,7 @@
 #include <stdexcept>
 
 namespace mapmend {
-namespace {
+namespace live_feed_test {
 
 using Json = nlohmann::json;
 
@@ -91,5 +91,5 @@ TEST(LiveFeedTest, APageThatTakesLittleAtATimeGetsEverythingOnce) {
 
 TEST(LiveFeedTest, RunsOfAViewerHaveDifferentEpochs) { EXPECT_NE(LiveFeed().Epoch(), LiveFeed().Epoch()); }
 
-}  // namespace
+}  // namespace live_feed_test
 }  // namespace mapmend

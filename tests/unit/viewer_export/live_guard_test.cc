@@ -22,7 +22,7 @@
 #include "tests/unit/viewer_export/raw_http_client.h"
 
 namespace mapmend {
-namespace {
+namespace live_guard_test {
 
 using Clock = std::chrono::steady_clock;
 
@@ -171,5 +171,5 @@ TEST_F(LiveGuardTest, EndsWhileClientsWait) {
   EXPECT_LT(Clock::now() - start, std::chrono::seconds(5));
 }
 
-}  // namespace
+}  // namespace live_guard_test
 }  // namespace mapmend

@@ -9,7 +9,7 @@
 #include "tests/test_flight.h"
 
 namespace mapmend {
-namespace {
+namespace live_map_test {
 
 // The other direction of libs/formats/base64.
 std::string FromBase64(const std::string& text) {
@@ -167,5 +167,5 @@ TEST(LiveMapTest, ACulledKeyframeGoesAndItsFramesFollowAnother) {
     EXPECT_NE(At<uint32_t>(bytes, 8), keyframes.begin()->first) << "frame " << At<int32_t>(bytes, 0);
 }
 
-}  // namespace
+}  // namespace live_map_test
 }  // namespace mapmend

@@ -19,7 +19,7 @@
 #include "tests/unit/viewer_export/raw_http_client.h"
 
 namespace mapmend {
-namespace {
+namespace live_server_test {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -222,5 +222,5 @@ TEST_F(LiveServerTest, APortInUseIsOneClearLine) {
   }
 }
 
-}  // namespace
+}  // namespace live_server_test
 }  // namespace mapmend

@@ -8,7 +8,7 @@
 #include "tests/test_flight.h"
 
 namespace mapmend {
-namespace {
+namespace live_state_test {
 
 using Json = nlohmann::json;
 
@@ -184,5 +184,5 @@ TEST(MapModelTest, IsCompleteOnceEveryRecordOfTheFinalRevisionIsKnown) {
   EXPECT_FALSE(model.IsComplete());
 }
 
-}  // namespace
+}  // namespace live_state_test
 }  // namespace mapmend

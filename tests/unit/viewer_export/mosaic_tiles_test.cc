@@ -10,7 +10,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace mosaic_tiles_test {
 
 void MakeTiles(const std::string& path) {
   SQLite::Database sql(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
@@ -53,5 +53,5 @@ TEST(MosaicTilesTest, LeavesLinksAndStrangersAlone) {
   EXPECT_EQ(DescribeTiles(outside.File(kTilesFile)), "");
 }
 
-}  // namespace
+}  // namespace mosaic_tiles_test
 }  // namespace mapmend

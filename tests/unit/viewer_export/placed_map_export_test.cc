@@ -5,7 +5,7 @@
 #include "tests/test_flight.h"
 
 namespace mapmend {
-namespace {
+namespace placed_map_export_test {
 
 using Kind = PlacedRelation::Kind;
 
@@ -91,5 +91,5 @@ TEST(PlacedMapExport, AMovedMapHasFramesPointsAndLossesInItsFrame) {
   EXPECT_EQ(map.losses[0].utime, TestFlight::Utime(19));
 }
 
-}  // namespace
+}  // namespace placed_map_export_test
 }  // namespace mapmend

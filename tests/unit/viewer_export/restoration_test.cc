@@ -5,7 +5,7 @@
 #include "tests/test_flight.h"
 
 namespace mapmend {
-namespace {
+namespace restoration_test {
 
 // Submaps of 20 frames with a keyframe every 4.
 KeyframeId KeyframeAt(int submap, int frame_in_submap) { return KeyframeId(5 * submap + frame_in_submap / 4); }
@@ -63,5 +63,5 @@ TEST(Restoration, AKeyframeThatIsNotKnownYetTellsNoTime) {
   EXPECT_EQ(table.steps[2].utime, TestFlight::Utime(flight.FirstFrame(1) + 19));
 }
 
-}  // namespace
+}  // namespace restoration_test
 }  // namespace mapmend

@@ -17,7 +17,7 @@
 #include "tests/test_flight.h"
 
 namespace mapmend {
-namespace {
+namespace world_export_test {
 
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
@@ -226,5 +226,5 @@ TEST_F(WorldExportTest, WithoutPositionsGapsAreInMapUnits) {
   EXPECT_THAT(Read("report.html"), HasSubstr("What to fly again"));
 }
 
-}  // namespace
+}  // namespace world_export_test
 }  // namespace mapmend

@@ -14,7 +14,7 @@
 #include "tests/synthetic_stream.h"
 
 namespace mapmend {
-namespace {
+namespace codec_test {
 
 SyntheticStreamOptions SmallFlight() {
   SyntheticStreamOptions options;
@@ -257,5 +257,5 @@ TEST(Codec, PeekHeaderReadsOnlyTheHeader) {
   EXPECT_FALSE(PeekHeader(encoded.data.data(), 0));
 }
 
-}  // namespace
+}  // namespace codec_test
 }  // namespace mapmend

@@ -7,7 +7,7 @@
 #include "tests/unit/wire/random_values.h"
 
 namespace mapmend {
-namespace {
+namespace image_codec_test {
 
 KeyframeImage RandomImage(RandomValues* random) {
   KeyframeImage image;
@@ -84,5 +84,5 @@ TEST(ImageCodec, WhatCannotBeIsRefused) {
   EXPECT_FALSE(Decode<ImageRequest>(data.data(), static_cast<int>(data.size())).value);
 }
 
-}  // namespace
+}  // namespace image_codec_test
 }  // namespace mapmend

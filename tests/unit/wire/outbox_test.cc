@@ -10,7 +10,7 @@
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
-namespace {
+namespace outbox_test {
 
 EncodedRecord MakeRecord(int64_t seq, size_t size = 1000) {
   EncodedRecord record{"s1", seq, "MAPMEND_KEYFRAME", std::vector<uint8_t>(size)};
@@ -193,5 +193,5 @@ TEST_F(OutboxTest, WorksInMemoryWithoutAFile) {
   EXPECT_EQ(outbox.Read(1)->data, MakeRecord(1).data);
 }
 
-}  // namespace
+}  // namespace outbox_test
 }  // namespace mapmend

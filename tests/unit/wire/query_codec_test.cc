@@ -11,7 +11,7 @@
 #include "tests/unit/wire/random_values.h"
 
 namespace mapmend {
-namespace {
+namespace query_codec_test {
 
 Addressed RandomAddress(RandomValues* random) { return {random->Seq(), random->Text()}; }
 
@@ -180,5 +180,5 @@ TEST(QueryCodec, TheErrorNamesTheMessage) {
   EXPECT_EQ(Decode<BowAnswer>(Encode(FetchAnswer())).error, "not a bow_result_t");
 }
 
-}  // namespace
+}  // namespace query_codec_test
 }  // namespace mapmend

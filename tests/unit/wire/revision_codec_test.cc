@@ -11,7 +11,7 @@
 #include "tests/unit/wire/random_values.h"
 
 namespace mapmend {
-namespace {
+namespace revision_codec_test {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
@@ -210,5 +210,5 @@ TEST(RevisionCodec, ARejectedPairNeedsNoTransform) {
   EXPECT_EQ(decoded.value->b_from_a, Similarity3());
 }
 
-}  // namespace
+}  // namespace revision_codec_test
 }  // namespace mapmend

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace mapmend {
-namespace {
+namespace send_window_test {
 
 using std::chrono::milliseconds;
 
@@ -118,5 +118,5 @@ TEST_F(SendWindowTest, ALongOutageSaysNothingOfHowLongTheNewConnectionTakes) {
   EXPECT_EQ(Send(), Seqs{1});
 }
 
-}  // namespace
+}  // namespace send_window_test
 }  // namespace mapmend

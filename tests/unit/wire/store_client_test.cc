@@ -9,7 +9,7 @@
 #include "tests/running_hub.h"
 
 namespace mapmend {
-namespace {
+namespace store_client_test {
 
 constexpr char kFlight[] = "00000000-0000-4000-8000-000000000001";
 constexpr int kLongMs = 30000;  // on any machine
@@ -46,5 +46,5 @@ TEST_F(StoreClientTest, ASessionWhoseFrontendIsHeardOfIsAskedForAgain) {
   EXPECT_EQ(store_.still_alive, 0);
 }
 
-}  // namespace
+}  // namespace store_client_test
 }  // namespace mapmend

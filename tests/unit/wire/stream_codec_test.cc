@@ -13,7 +13,7 @@
 #include "tests/unit/wire/random_values.h"
 
 namespace mapmend {
-namespace {
+namespace stream_codec_test {
 
 FramePose RandomFramePose(RandomValues* random) {
   return {{random->Session(), SubmapId(random->Int(-1, 99))},
@@ -119,5 +119,5 @@ TEST(StreamCodec, TheErrorNamesTheMessage) {
   EXPECT_EQ(Decode<Health>(Encode(StreamAck())).error, "not a health_t");
 }
 
-}  // namespace
+}  // namespace stream_codec_test
 }  // namespace mapmend

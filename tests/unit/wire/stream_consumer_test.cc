@@ -7,7 +7,7 @@
 #include "tests/synthetic_stream.h"
 
 namespace mapmend {
-namespace {
+namespace stream_consumer_test {
 
 constexpr char kFlight[] = "00000000-0000-4000-8000-000000000001";
 
@@ -122,5 +122,5 @@ TEST_F(StreamConsumerTest, ASessionThatTheStoreHasTakenUpAgainIsAnError) {
   EXPECT_THROW(SpinUntil([] { return false; }), std::runtime_error);
 }
 
-}  // namespace
+}  // namespace stream_consumer_test
 }  // namespace mapmend

@@ -9,7 +9,7 @@
 #include "tests/synthetic_stream.h"
 
 namespace mapmend {
-namespace {
+namespace stream_sender_test {
 
 constexpr char kFlight[] = "00000000-0000-4000-8000-000000000001";
 constexpr int kLongMs = 30000;  // on any machine
@@ -139,5 +139,5 @@ TEST_F(StreamSenderTest, RefusesWhatIsNoNameOfASession) {
   EXPECT_THROW(StreamSender(&bus_, "no name", options_), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace stream_sender_test
 }  // namespace mapmend
