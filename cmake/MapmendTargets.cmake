@@ -118,7 +118,7 @@ function(mapmend_whole_program_tests area)
     list(REMOVE_DUPLICATES suites)
     list(JOIN suites ":" filter)
     add_test(NAME ${area}/${name} COMMAND ${area}_tests --gtest_filter=${filter})
-    set_tests_properties(${area}/${name} PROPERTIES TIMEOUT 1800
+    set_tests_properties(${area}/${name} PROPERTIES TIMEOUT 1800 COST 100  # long: begun first
                          FAIL_REGULAR_EXPRESSION "Running 0 tests")
   endforeach()
 endfunction()

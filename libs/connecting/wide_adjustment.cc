@@ -199,6 +199,7 @@ Place InitialPlace(const WideCommonTrack& track, const Anchor& anchor, const Sim
 bool Step(const Problem& problem, const std::vector<size_t>& used, double* damping, double* cost, Similarity3* t,
           std::vector<Place>* places) {
   std::vector<TrackNormal> normals;
+  normals.reserve(used.size());
   for (const size_t i : used) normals.push_back(MakeNormal(problem, i, (*places)[i], *t));
   for (int attempt = 0; attempt < 6; ++attempt, *damping *= 10) {
     Matrix7d S = Matrix7d::Zero();

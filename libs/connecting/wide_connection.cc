@@ -166,7 +166,7 @@ std::string Objection(const WideSide& a, const WideSide& b, const WideRegistrati
   const auto [cells_far, cells] =
       std::minmax({CountCells(a, r, true, fullest(in_a)), CountCells(b, r, false, fullest(in_b))});
   int frames_a = 0, frames_b = 0;
-  const bool agree = AgreesInFrames(in_a, options, &frames_a) & AgreesInFrames(in_b, options, &frames_b);
+  const bool a_agrees = AgreesInFrames(in_a, options, &frames_a), b_agrees = AgreesInFrames(in_b, options, &frames_b);
   const Uncertainty sigma = Uncertain(a, r);
   const double rate = r.num_expected > 0 ? static_cast<double>(r.num_found) / r.num_expected : 0;
   const std::string found = Format("%d of %d features that look alike speak for a transform with %.0f nats",
@@ -179,7 +179,8 @@ std::string Objection(const WideSide& a, const WideSide& b, const WideRegistrati
     return found + Format(", but they fill only %d and %d cells of the images (%d and %d needed)", cells, cells_far,
                           options.min_cells, options.min_cells_far);
   }
-  if (!agree) return found + Format(", but only in %d and %d frames of the two sides", frames_a, frames_b);
+  if (!(a_agrees && b_agrees))
+    return found + Format(", but only in %d and %d frames of the two sides", frames_a, frames_b);
   if (rate < options.min_match_rate)
     return found + Format(", but of %d points that should be seen only %d were found", r.num_expected, r.num_found);
   if (r.median_error_px > options.max_median_error)

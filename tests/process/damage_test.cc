@@ -39,9 +39,9 @@ class DamageTest : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = new TemporaryFolder;
-    const CommandResult run =
-        Call({"run", kFlight + "video.mp4", "--skip-frames", "0-55,74-83,106-171", "--seed", "3", "--port", "0",
-              "--out", *folder_ / "flown", "--record", *folder_ / "log", "--groundtruth", kFlight + "groundtruth.tum"});
+    const CommandResult run = Call({"run", kFlight + "video.mp4", "--skip-frames", "0-55,74-83,106-171", "--seed", "3",
+                                    "--port", "0", "--mosaic", "none", "--out", *folder_ / "flown", "--record",
+                                    *folder_ / "log", "--groundtruth", kFlight + "groundtruth.tum"});
     ASSERT_TRUE(run.exit_code == 0 || run.exit_code == 4) << run.output;
   }
   static void TearDownTestSuite() { delete folder_; }
@@ -61,7 +61,7 @@ class DamageTest : public ::testing::Test {
   }
   CommandResult Replay(const std::string& bytes, const std::string& name) const {
     Write(*folder_ / (name + ".lcmlog"), bytes);
-    return Call({"replay", *folder_ / (name + ".lcmlog"), "--seed", "3", "--out", *folder_ / name});
+    return Call({"replay", *folder_ / (name + ".lcmlog"), "--seed", "3", "--mosaic", "none", "--out", *folder_ / name});
   }
 
   static TemporaryFolder* folder_;

@@ -28,8 +28,9 @@ class Edges : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = new TemporaryFolder;
-    const CommandResult run = Call({"run", kFlight + "video.mp4", "--skip-frames", "0-55,74-83,106-171", "--seed", "3",
-                                    "--port", "0", "--out", *folder_ / "flown", "--record", *folder_ / "log"});
+    const CommandResult run =
+        Call({"run", kFlight + "video.mp4", "--skip-frames", "0-55,74-83,106-171", "--seed", "3", "--port", "0",
+              "--mosaic", "none", "--out", *folder_ / "flown", "--record", *folder_ / "log"});
     ASSERT_EQ(run.exit_code, 0) << run.output;
     ASSERT_EQ(Summary(*folder_ / "flown").at("components").size(), 1u);
   }
@@ -125,8 +126,9 @@ TEST_F(Edges, MergedAnewNothingOldRemains) {
 
 TEST_F(Edges, OnASystemAtWorkTheDecisionIsHeededToTheEnd) {
   const std::string out = *folder_ / "live";
-  RunningCommand run({kProgram, "replay", *folder_ / "log/mapmend.lcmlog", "--speed", "30", "--out", out},
-                     *folder_ / "live_output");
+  RunningCommand run(
+      {kProgram, "replay", *folder_ / "log/mapmend.lcmlog", "--speed", "30", "--mosaic", "none", "--out", out},
+      *folder_ / "live_output");
   CommandResult off;
   // As soon as there are two submaps.
   ASSERT_TRUE(WaitUntil(

@@ -27,7 +27,8 @@ std::vector<std::string> RunWords(const std::string& out, const std::vector<std:
                                     "--camera",      kFlight + "camera.yaml",
                                     "--out",         out,
                                     "--skip-frames", "12-171",
-                                    "--port",        "0"};
+                                    "--port",        "0",
+                                    "--mosaic",      "none"};
   words.insert(words.end(), more.begin(), more.end());
   return words;
 }

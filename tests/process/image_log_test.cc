@@ -33,7 +33,7 @@ class ImageLogTest : public testing::Test {
   }
   CommandResult Run(const std::string& input, const std::string& out, const std::string& channel = "CAMERA") {
     return RunCommand({kProgram, "run", input, "--camera", kFlight + "camera.yaml", "--image-channel", channel,
-                       "--port", "0", "--out", folder_ / out},
+                       "--port", "0", "--mosaic", "none", "--out", folder_ / out},
                       180);
   }
   nlohmann::json Summary(const std::string& out) {

@@ -25,8 +25,8 @@ constexpr int kFrames = 26;
 class InputFilesTest : public testing::Test {
  protected:
   CommandResult Run(const std::vector<std::string>& arguments) {
-    std::vector<std::string> argv = {kProgram, "run", "--camera", kFlight + "camera.yaml",
-                                     "--port", "0",   "--out",    folder_ / "out"};
+    std::vector<std::string> argv = {kProgram,   "run",  "--camera", kFlight + "camera.yaml", "--port", "0",
+                                     "--mosaic", "none", "--out",    folder_ / "out"};
     argv.insert(argv.end(), arguments.begin(), arguments.end());
     return RunCommand(argv, kPatienceS);
   }
@@ -87,8 +87,8 @@ TEST_F(InputFilesTest, AFolderThatGrowsIsMappedAsItGrowsUntilCtrlC) {
     late.push_back(Photo(i));
     std::filesystem::rename(Photo(i), Photo(i) + ".part");
   }
-  RunningCommand run({kProgram, "run", photos, "--follow", "--camera", kFlight + "camera.yaml", "--port", "0", "--out",
-                      folder_ / "out"},
+  RunningCommand run({kProgram, "run", photos, "--follow", "--camera", kFlight + "camera.yaml", "--port", "0",
+                      "--mosaic", "none", "--out", folder_ / "out"},
                      folder_ / "log");
   const auto has_read = [&](int count) {
     return WaitUntil(

@@ -15,7 +15,7 @@ const std::string kProgram = std::string(MAPMEND_BIN_DIR) + "/mapmend";
 const std::string kFlight = std::string(MAPMEND_SOURCE_DIR) + "/data/flights/sheffield_cross/";
 
 std::vector<std::string> RunArguments(const std::string& out) {
-  return {kProgram, "run", kFlight + "video.mp4", "--out", out, "--port", "0"};
+  return {kProgram, "run", kFlight + "video.mp4", "--out", out, "--port", "0", "--mosaic", "none"};
 }
 
 // Number of records in a database, -1 while there is none.

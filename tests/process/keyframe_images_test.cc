@@ -33,6 +33,8 @@ std::vector<std::string> RunArguments(const std::string& out, const std::vector<
                                    "1",
                                    "--port",
                                    "0",
+                                   "--mosaic",
+                                   "none",
                                    "--out",
                                    out};
   argv.insert(argv.end(), more.begin(), more.end());

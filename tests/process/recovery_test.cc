@@ -29,6 +29,8 @@ std::vector<std::string> RunArguments(const std::string& out) {
           "1",
           "--port",
           "0",
+          "--mosaic",
+          "none",
           "--out",
           out};
 }

@@ -28,7 +28,7 @@ TEST(Replay, TheMapIsTheSameAtEverySpeedAndAfterRestartsOfMergerAndStore) {
   // The last strip of the first flight and the first strips of the second: two submaps that become one map.
   const CommandResult recorded =
       RunCommand({kProgram, "run", kFlight + "video.mp4", "--skip-frames", "0-55,74-83,106-171", "--seed", "1",
-                  "--port", "0", "--out", folder / "flown", "--record", folder / "log"},
+                  "--port", "0", "--mosaic", "none", "--out", folder / "flown", "--record", folder / "log"},
                  240);
   ASSERT_EQ(recorded.exit_code, 0) << recorded.output;
   const std::string flown = Hash(folder / "flown/map.db");
@@ -39,9 +39,9 @@ TEST(Replay, TheMapIsTheSameAtEverySpeedAndAfterRestartsOfMergerAndStore) {
   for (const std::string speed : {"0", "100", "40"}) {
     SCOPED_TRACE("speed " + speed);
     const std::string out = folder / ("replayed" + speed);
-    RunningCommand run(
-        {kProgram, "replay", folder / "log/mapmend.lcmlog", "--seed", "1", "--speed", speed, "--out", out},
-        folder / ("output" + speed));
+    RunningCommand run({kProgram, "replay", folder / "log/mapmend.lcmlog", "--seed", "1", "--speed", speed, "--mosaic",
+                        "none", "--out", out},
+                       folder / ("output" + speed));
     for (const double part : {0.25, 0.6}) {
       ASSERT_TRUE(WaitUntil([&] { return Size(out + "/map.db") + Size(out + "/map.db-wal") > part * size; }, 60))
           << ReadText(folder / ("output" + speed));

@@ -57,6 +57,7 @@ class RunErrorsTest : public testing::Test {
     add_default("--times", kFlight + "times.txt");
     add_default("--out", folder_ / "out");
     add_default("--port", "0");
+    add_default("--mosaic", "none");
     return RunCommand(argv);
   }
   // Exactly one line, and this one.

@@ -24,9 +24,9 @@ TEST(SharedHub, AStoreThatComesUpAtTheSameTimeEndsTheRunWithALine) {
   const Subscription subscription =
       bus.Subscribe<health_t>(channels::kHealth, Delivery::kKeepAll,
                               [&](const health_t& health) { is_up = is_up || health.process == "submap_store"; });
-  RunningCommand run(
-      {kProgram, "run", kFlight + "video.mp4", "--lcm-url", hub.Url(), "--port", "0", "--out", folder / "out"},
-      folder / "run");
+  RunningCommand run({kProgram, "run", kFlight + "video.mp4", "--lcm-url", hub.Url(), "--port", "0", "--mosaic", "none",
+                      "--out", folder / "out"},
+                     folder / "run");
   ASSERT_TRUE(WaitUntil(
       [&] {
         bus.Handle(10);

@@ -37,7 +37,7 @@ class SmallMapTest : public testing::Test {
     return path;
   }
   CommandResult Run(const std::string& input, const std::vector<std::string>& more = {}) {
-    std::vector<std::string> argv = {kProgram, "run", input, "--out", Out(), "--port", "0"};
+    std::vector<std::string> argv = {kProgram, "run", input, "--out", Out(), "--port", "0", "--mosaic", "none"};
     argv.insert(argv.end(), more.begin(), more.end());
     if (std::find(more.begin(), more.end(), "--camera") == more.end())
       argv.insert(argv.end(), {"--camera", kFlight + "camera.yaml"});
