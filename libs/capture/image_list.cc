@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
+#include <fstream>
 #include <initializer_list>
+#include <iterator>
+#include <set>
 #include <stdexcept>
 #include <string_view>
 
@@ -77,6 +80,60 @@ bool EndsLikeOneOf(const std::string& path, std::initializer_list<std::string_vi
   return std::find(endings.begin(), endings.end(), ending) != endings.end();
 }
 
+// The first of some names, in natural order.
+std::string FirstOf(std::vector<std::string> names) {
+  constexpr size_t kNamed = 3;
+  std::sort(names.begin(), names.end(), NaturalLess);
+  std::string text;
+  for (size_t i = 0; i < std::min(kNamed, names.size()); ++i) text += (i > 0 ? ", " : "") + names[i];
+  return names.size() > kNamed ? text + ", ..." : text;
+}
+
+// What a file may be the copy of, if file managers or browsers named it: DSC1 of "DSC1 (2)", "DSC1 - Copy", "DSC1
+// copy 2", "DSC1 (copy)".
+std::vector<std::string> OriginalStems(const std::string& stem) {
+  std::vector<std::string> originals;
+  const auto add = [&](std::string original) {
+    original.erase(original.find_last_not_of(" _-(") + 1);
+    if (!original.empty()) originals.push_back(std::move(original));
+  };
+  if (size_t at = stem.rfind('('); at != std::string::npos && stem.ends_with(')')) {
+    const size_t bracket = at++;
+    if (!TakeDigits(stem, &at).empty() && at + 1 == stem.size()) add(stem.substr(0, bracket));
+  }
+  std::string lower = stem;
+  std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return std::tolower(c); });
+  for (const char* word : {"copy", "kopie", "copie", "copia"}) {
+    if (const size_t at = lower.rfind(word); at != std::string::npos) add(stem.substr(0, at));
+  }
+  return originals;
+}
+
+bool HaveTheSameBytes(const std::string& a, const std::string& b) {
+  std::error_code error;
+  if (fs::file_size(a, error) != fs::file_size(b, error) || error) return false;
+  std::ifstream x(a, std::ios::binary), y(b, std::ios::binary);
+  using Bytes = std::istreambuf_iterator<char>;
+  return x && y && std::equal(Bytes(x), Bytes(), Bytes(y), Bytes());
+}
+
+// Takes the copies of other files out, and returns their names.
+std::vector<std::string> TakeCopies(std::vector<std::string>* files) {
+  const std::set<std::string> all(files->begin(), files->end());
+  std::vector<std::string> copies;
+  std::erase_if(*files, [&](const std::string& file) {
+    const fs::path path(file);
+    for (const std::string& stem : OriginalStems(path.stem().string())) {
+      const std::string original = (path.parent_path() / (stem + path.extension().string())).string();
+      if (!all.contains(original) || !HaveTheSameBytes(file, original)) continue;
+      copies.push_back(NameOf(file));
+      return true;
+    }
+    return false;
+  });
+  return copies;
+}
+
 // "; ..." if the folder holds what people may have meant: videos, or photos as they come from the sensor.
 std::string WhatElseIsThere(const std::string& folder) {
   std::string video, raw;
@@ -146,22 +203,22 @@ ImageList ListImages(const std::string& folder) {
     throw std::runtime_error("input folder " + folder + " holds no images (jpg, png, bmp, tif, pgm, ppm, webp)" +
                              WhatElseIsThere(folder));
   }
+  const std::vector<std::string> copies = TakeCopies(&found.files);
   ImageList list = SortImages(std::move(found.files));
+  if (copies.size() == 1) list.notes.push_back(copies.front() + " is a copy of another image and is left out");
+  if (copies.size() > 1)
+    list.notes.push_back(std::to_string(copies.size()) + " copies of other images are left out: " + FirstOf(copies));
   if (below) {
     list.notes.push_back("images from the subfolders of " + folder + ", " +
                          fs::path(list.files.front()).lexically_relative(folder).string() + " to " +
                          fs::path(list.files.back()).lexically_relative(folder).string());
   }
   if (!found.passed_over.empty()) {
-    std::sort(found.passed_over.begin(), found.passed_over.end(), NaturalLess);
     const size_t count = found.passed_over.size();
-    std::string text = std::to_string(count) + (count == 1 ? " entry only looks like an image and is passed over: "
-                                                           : " entries only look like images and are passed over: ");
-    constexpr size_t kNamed = 3;
-    for (size_t i = 0; i < std::min(kNamed, found.passed_over.size()); ++i)
-      text += (i > 0 ? ", " : "") + found.passed_over[i];
-    if (found.passed_over.size() > kNamed) text += ", ...";
-    list.notes.push_back(text);
+    list.notes.push_back(std::to_string(count) +
+                         (count == 1 ? " entry only looks like an image and is passed over: "
+                                     : " entries only look like images and are passed over: ") +
+                         FirstOf(std::move(found.passed_over)));
   }
   return list;
 }

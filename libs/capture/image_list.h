@@ -23,9 +23,10 @@ bool NaturalLess(const std::string& a, const std::string& b);
 
 // The images of a folder in natural order of their names. A folder without images of its own may hold them in
 // subfolders, as memory cards do (DCIM/100MEDIA, DCIM/101MEDIA). Hidden files (among them ._NAME of macOS), folders and
-// links that lead nowhere are no images, whatever they are called. A file that cannot be read is one: it counts as a
-// frame. Throws std::runtime_error with one line if the folder cannot be read or holds no image; it says what there is
-// instead, where people may have meant that.
+// links that lead nowhere are no images, whatever they are called; nor is
+// "DSC1 (2).jpg" or "DSC1 - Copy.jpg" beside a DSC1.jpg with the same bytes. A file that cannot be read is one: it
+// counts as a frame. Throws std::runtime_error with one line if the folder cannot be read or holds no image; it says
+// what there is instead, where people may have meant that.
 ImageList ListImages(const std::string& folder);
 
 // The images of a flight's inputs in the order of its frames, if they are folders of images or images; empty if one of

@@ -229,6 +229,12 @@ void LogReader::ComplainOfFiles() {
   }
 }
 
+int64_t LogReader::NumLeft() const {
+  int64_t num = std::ssize(ready_);
+  for (const auto& [id, session] : sessions_) num += std::ssize(session.sound);
+  return num;
+}
+
 std::map<std::string, int64_t> LogReader::LastRecords() const {
   std::map<std::string, int64_t> last;
   for (const auto& [id, session] : sessions_) {

@@ -37,6 +37,8 @@ class LogReader {
   bool HasChecksums() const { return !files_with_checksums_.empty(); }
   // After the end: what is damaged or not complete, a line each; empty if all is well.
   const std::vector<std::string>& Complaints() const { return complaints_; }
+  // Records that Next will still give; a few more where it closes what the recording leaves open.
+  int64_t NumLeft() const;
   // Each session's last record so far.
   std::map<std::string, int64_t> LastRecords() const;
 

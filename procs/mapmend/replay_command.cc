@@ -1,4 +1,5 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -42,7 +43,8 @@ struct ReplayOptions {
 // Sends the whole recording to the store: as fast as it commits, or `speed` times as fast as it was flown.
 void SendAll(LogReader* log, double speed, Backend* backend, Progress* progress) {
   RecordSender sender(backend->bus());
-  int num_sent = 0;
+  const int64_t total = log->NumLeft();
+  int64_t num_sent = 0;
   bool at_end = false;
   std::optional<EncodedRecord> next;
   const auto start = Clock::now();
@@ -65,7 +67,7 @@ void SendAll(LogReader* log, double speed, Backend* backend, Progress* progress)
     }
     sender.Tick();
     backend->Tick(sender.AllAcknowledged() ? (speed > 0 && !at_end ? 5 : 0) : 10);
-    progress->Show(std::to_string(num_sent) + " records sent" +
+    progress->Show(std::to_string(std::min(num_sent, total)) + " of " + std::to_string(total) + " records sent" +
                    (sender.StoreError().empty() ? "" : "; store: " + sender.StoreError()));
   }
 }

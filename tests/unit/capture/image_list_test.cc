@@ -64,6 +64,21 @@ TEST_F(ImageListTest, WhatOnlyLooksLikeAnImageIsPassedOverAndTold) {
       "link to nothing)");
 }
 
+TEST_F(ImageListTest, CopiesOfPhotosAreLeftOutAndTold) {
+  Write("DSC1.jpg", "first");
+  Write("DSC1 (2).jpg", "first");
+  Write("DSC1 - Copy.jpg", "first");
+  Write("DSC2.jpg", "second");
+  Write("DSC2 (1).jpg", "another");  // a name alone is no proof
+  Write("DSC3.jpg", "second");       // nor are bytes: a camera may stand still
+  Write("DSC4 copy 2.jpg", "fourth");
+  const ImageList list = ListImages(folder_.Path());
+  EXPECT_EQ(Names(list),
+            (std::vector<std::string>{"DSC1.jpg", "DSC2 (1).jpg", "DSC2.jpg", "DSC3.jpg", "DSC4 copy 2.jpg"}));
+  ASSERT_FALSE(list.notes.empty());
+  EXPECT_EQ(list.notes.back(), "2 copies of other images are left out: DSC1 (2).jpg, DSC1 - Copy.jpg");
+}
+
 TEST_F(ImageListTest, AMemoryCardHoldsItsPhotosInSubfolders) {
   for (const char* name : {"DCIM/101MEDIA/DJI_0001.JPG", "DCIM/100MEDIA/DJI_0999.JPG", "DCIM/100MEDIA/DJI_0998.JPG"})
     Write(name);

@@ -85,7 +85,9 @@ TEST_F(LogReaderTest, PutsRecordsInOrderAndDropsRepetitions) {
   WriteLog({0, 2, 1, 1, 4, 2, 3, 0}, "v1_");
   LogReader reader(path_);
   EXPECT_EQ(reader.VocabularyHash(), "abcd");
+  EXPECT_EQ(reader.NumLeft(), 5);
   EXPECT_EQ(ReadAll(&reader), (std::vector<int64_t>{0, 1, 2, 3, 4}));
+  EXPECT_EQ(reader.NumLeft(), 0);
   EXPECT_TRUE(reader.Complaints().empty());
   EXPECT_EQ(reader.LastRecords().at(kSessionId), 4);
 }
