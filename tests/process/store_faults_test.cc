@@ -42,6 +42,7 @@ class StoreFaults : public ::testing::Test {
     return sessions.empty() ? -1 : sessions.front().cumulative;
   }
   void ExpectWholeFlight(TestProcess* store) {
+    EXPECT_TRUE(PollUntil([&] { return store->Catches(SIGTERM); }, kFinishMs));
     EXPECT_EQ(store->Terminate(), 0);
     const std::vector<std::string> problems = CheckDb(db_);
     EXPECT_TRUE(problems.empty()) << problems.front();

@@ -98,6 +98,14 @@ int TestProcess::Wait(int timeout_ms) {
   return exit_code_;
 }
 
+bool TestProcess::Catches(int signal) const {
+  std::ifstream status("/proc/" + std::to_string(pid_) + "/status");
+  for (std::string line; std::getline(status, line);) {
+    if (line.starts_with("SigCgt:")) return (std::stoull(line.substr(7), nullptr, 16) >> (signal - 1) & 1) != 0;
+  }
+  return false;
+}
+
 bool TestProcess::IsRunning() {
   if (pid_ <= 0) return false;
   int status = 0;

@@ -28,6 +28,8 @@ class TestProcess {
   // The exit code (-1: killed by a signal), or -2 if it still runs after timeout_ms.
   int Wait(int timeout_ms);
   bool IsRunning();
+  // Has installed a handler for the signal: one that has only begun would die of it.
+  bool Catches(int signal) const;
   pid_t pid() const { return pid_; }
 
  private:
