@@ -17,11 +17,11 @@
 #include "libs/wire/store_client.h"
 #include "procs/mapmend/commands.h"
 #include "procs/mapmend/edge_table.h"
-#include "procs/mapmend/finish_run.h"
 #include "procs/mapmend/map_file.h"
 #include "procs/mapmend/progress.h"
 #include "procs/mapmend/run_flight.h"
 #include "procs/mapmend/run_state.h"
+#include "procs/mapmend/run_tool.h"
 #include "procs/mapmend/stderr_redirection.h"
 
 namespace mapmend {

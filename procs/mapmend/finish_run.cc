@@ -1,26 +1,12 @@
 #include "procs/mapmend/finish_run.h"
 
-#include <chrono>
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <stdexcept>
-#include <thread>
 
-#include "procs/mapmend/paths.h"
+#include "procs/mapmend/run_tool.h"
 #include "procs/mapmend/session_rescue.h"
-#include "procs/mapmend/supervisor.h"
 
 namespace mapmend {
-
-void RunTool(const std::vector<std::string>& argv, const std::string& log, const std::string& failed) {
-  const std::string program = argv.front();
-  std::vector<std::string> command = argv;
-  command.front() = FindProgram(program);
-  ChildProcess tool(command, log);
-  std::optional<ExitStatus> status;
-  while (!(status = tool.Poll())) std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  if (!status->Success()) throw std::runtime_error(failed + ": " + FindErrorLine(log, program, 0));
-}
 
 std::string FinishRun(const std::string& out, const LauncherFigures& figures, const std::string& db) {
   std::error_code ignored;

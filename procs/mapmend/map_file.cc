@@ -14,7 +14,6 @@
 #include <nlohmann/json.hpp>
 #include <set>
 #include <stdexcept>
-#include <thread>
 #include <vector>
 
 #include "libs/bus/process.h"
@@ -26,6 +25,7 @@
 #include "procs/mapmend/map_rescue.h"
 #include "procs/mapmend/paths.h"
 #include "procs/mapmend/run_flight.h"
+#include "procs/mapmend/run_tool.h"
 #include "procs/mapmend/session_rescue.h"
 
 namespace mapmend {
@@ -148,15 +148,12 @@ void MapFile::CopyFlights(const std::string& logs) {
   copy_ = options_.place.db + kUnfinished + "-" + std::to_string(getpid());
   const std::string log = logs + "/copy.log";
   fs::remove(log);
-  ChildProcess tool({FindProgram("submap_store"), "copy-flights", options_.place.db, copy_}, log);
-  std::optional<ExitStatus> status;
-  while (!(status = tool.Poll())) {
+  const ExitStatus status = RunToEnd({"submap_store", "copy-flights", options_.place.db, copy_}, log, [] {
     if (StopRequested()) throw Interrupted();
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
-  if (status->Success()) return;
-  if (status->signal != 0 || status->code != kExitInputCutShort)
-    throw std::runtime_error("cannot merge anew: " + FindErrorLine(log, "submap_store", 0));
+  });
+  if (status.Success()) return;
+  if (status.signal != 0 || status.code != kExitInputCutShort)
+    throw std::runtime_error("cannot merge anew: " + DescribeFailure("submap_store", status, log));
   std::ifstream lines(log);
   for (std::string line; std::getline(lines, line);) {
     if (line.find("session ") == 0 || line.find(options_.place.db) == 0 || line.find("decision") == 0 ||

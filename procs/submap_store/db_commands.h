@@ -39,7 +39,10 @@ void CompactDb(const std::string& path);
 // stdout. True if nothing is missing.
 bool RepairDb(const std::string& path, std::vector<std::string> sources);
 
-// Makes `out`, which must not exist, from the flights and decisions of one database, without its merged map. What is
+// Removes a database with what SQLite keeps beside it.
+void RemoveDb(const std::string& path);
+
+// Makes `out`, in place of what a copy that was killed has left there, from the flights and decisions of one database, without its merged map. What is
 // damaged is left out and told, a line each; empty: all is whole.
 std::vector<std::string> CopyFlights(const std::string& path, const std::string& out);
 

@@ -98,14 +98,14 @@ void MergeDbs(const std::vector<std::string>& inputs, const std::string& out) {
                      [](const Source& a, const Source& b) { return a.session.start_utime < b.session.start_utime; });
   }
   const std::string temporary = out + ".part";
-  std::filesystem::remove(temporary);
+  RemoveDb(temporary);  // of one that was killed
   try {
     Database database(temporary, Database::Mode::kReadWrite);
     for (const Source& source : sources) CopySession(&database.Sql(), source);
     for (const std::string& path : inputs) CopyEdgeDecisions(&database.Sql(), path);
     database.Sql().exec("PRAGMA wal_checkpoint(TRUNCATE)");
   } catch (...) {
-    for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(temporary + suffix);
+    RemoveDb(temporary);
     throw;
   }
   std::filesystem::rename(temporary, out);

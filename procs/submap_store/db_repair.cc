@@ -69,10 +69,6 @@ void MakeDerivedRows(const std::string& path) {
   while (store.WorkInBackground()) continue;
 }
 
-void RemoveDb(const std::string& path) {
-  for (const char* suffix : {"", "-wal", "-shm"}) fs::remove(path + suffix);
-}
-
 std::string FreeName(const std::string& name) {
   for (int i = 2;; ++i) {
     const std::string candidate = i == 2 ? name : name + "-" + std::to_string(i - 1);
@@ -94,6 +90,10 @@ std::string Replace(const std::string& path, const std::string& by) {
 }
 
 }  // namespace
+
+void RemoveDb(const std::string& path) {
+  for (const char* suffix : {"", "-wal", "-shm"}) fs::remove(path + suffix);
+}
 
 bool RepairDb(const std::string& path, std::vector<std::string> sources) {
   if (!fs::exists(path)) throw std::runtime_error(path + ": no such database");
@@ -145,7 +145,7 @@ bool RepairDb(const std::string& path, std::vector<std::string> sources) {
 }
 
 std::vector<std::string> CopyFlights(const std::string& path, const std::string& out) {
-  if (fs::exists(out)) throw std::runtime_error(out + ": exists already");
+  RemoveDb(out);
   std::error_code error;
   if (!IsDatabase(path))
     throw std::runtime_error(path + (fs::file_size(path, error) == 0 ? ": is empty" : ": is not a map database"));
