@@ -121,13 +121,18 @@ TrackResult Frontend::Track(const Frame& frame) {
   for (KeyframeIndex k = last_keyframe_; !k.IsNone() && k >= last_keyframe_ - 2; --k) {
     if (k != last_reference_) hints.push_back(k);
   }
-  if (options_.relocalise_only && lost_.Count() >= options_.max_lost_frames) {
+  const bool relocalises = options_.relocalise_only && lost_.Count() >= options_.max_lost_frames;
+  if (relocalises) {
     const std::vector<KeyframeIndex> alike = relocaliser_.Candidates(*map_, frame);
     hints.insert(hints.end(), alike.begin(), alike.end());
   }
   motion_.Refresh(*map_);
   const std::optional<Rigid3> prediction = lost_.Count() == 0 ? motion_.Predict(frame.utime) : std::nullopt;
   TrackResult result = tracker_.Track(prediction, hints, frame, map_.get());
+  if (result.success && relocalises && result.num_inliers < options_.relocaliser.min_inliers) {
+    result.success = false;
+    result.reason = LossReason::kTooFewInliers;
+  }
   if (result.success && prediction && motion_.IsJump(result.cam_from_submap, MedianDepth(result)) &&
       result.num_inliers < options_.jump_found_share * result.num_visible) {
     result.success = false;

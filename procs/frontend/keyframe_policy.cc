@@ -49,6 +49,11 @@ KeyframeEvidence KeyframePolicy::Measure(const WorkingMap& map, const TrackResul
   const auto is_solid = [&](PointIndex p) { return !p.IsNone() && map.Point(p).observations.size() >= enough; };
   evidence.solid_points = static_cast<int>(std::count_if(key.points.begin(), key.points.end(), is_solid));
   if (map.LastKeyframe() < options_.young_keyframes) evidence.parallax_growth = ParallaxGrowth(map, tracked);
+  const auto axis = [](const Rigid3& cam_from_submap) {
+    return Eigen::Vector3d(cam_from_submap.rotation.conjugate() * Eigen::Vector3d::UnitZ());
+  };
+  const double cos_turn = axis(tracked.cam_from_submap).dot(axis(key.cam_from_submap));
+  evidence.turn_deg = std::acos(std::clamp(cos_turn, -1.0, 1.0)) * 180 / M_PI;
   const Eigen::Vector3d center = tracked.cam_from_submap.Center(), key_center = key.cam_from_submap.Center();
   std::vector<double> cosines;
   for (const PointIndex p : tracked.points) {
@@ -63,6 +68,7 @@ KeyframeEvidence KeyframePolicy::Measure(const WorkingMap& map, const TrackResul
 bool KeyframePolicy::NeedsKeyframe(const KeyframeEvidence& evidence) const {
   if (evidence.num_inliers < options_.min_shared * evidence.solid_points) return true;
   if (evidence.num_inliers < options_.comfortable_inliers) return true;
+  if (evidence.turn_deg > options_.max_turn_deg) return true;
   if (evidence.parallax_growth > options_.parallax_growth) return true;
   return evidence.cos_angle < std::cos(options_.max_angle_deg * M_PI / 180);
 }

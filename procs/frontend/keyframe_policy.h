@@ -10,6 +10,9 @@ struct KeyframePolicyOptions {
   double min_shared = 0.7;        // inliers, of the solid points of the reference keyframe: fewer call for a keyframe
   int comfortable_inliers = 100;  // or fewer than this
   double max_angle_deg = 3;       // or points seen under an angle that differs by this much (median)
+  // Or a view that has turned by so much, though nothing is to be triangulated: at a corner the scale passes from the
+  // points before it to those behind it by what neighbouring keyframes share.
+  double max_turn_deg = 14;
   // While a submap has at most so many keyframes, a frame becomes one as well if its points' parallax has grown by this
   // factor (median): depths become so much more certain.
   int young_keyframes = 8;
@@ -23,6 +26,7 @@ struct KeyframePolicyOptions {
     v("min_shared", min_shared, Range(0, 1));
     v("comfortable_inliers", comfortable_inliers, Range(0, 100000));
     v("max_angle_deg", max_angle_deg, Range(0.1, 45), "degrees");
+    v("max_turn_deg", max_turn_deg, Range(1, 180), "degrees");
     v("young_keyframes", young_keyframes, Range(0, 100000), "keyframes");
     v("parallax_growth", parallax_growth, AtLeast(1));
     v("urgent_inliers", urgent_inliers, Range(0, 100000));
@@ -39,6 +43,7 @@ struct KeyframeEvidence {
   // a turn on the spot gives nothing to triangulate.
   double cos_angle = 1;
   double parallax_growth = 0;  // as ParallaxGrowth, of a frame in a young submap; else 0
+  double turn_deg = 0;         // between the optical axes of frame and keyframe
 };
 
 // By what factor a frame would widen the angle under which its points are seen: the median, over its points, of the

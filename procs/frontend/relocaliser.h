@@ -14,12 +14,14 @@ struct RelocaliserOptions {
   double min_share_of_words = 0.8;  // of the words that the best keyframe shares with the frame
   double min_share_of_score = 0.75;
   int max_keyframes = 5;
+  int min_inliers = 50;  // of a frame that is believed to lie there, as ORB-SLAM2 asks
 
   template <typename Visitor>
   void Visit(Visitor& v) {
     v("min_share_of_words", min_share_of_words, Range(0, 1), "of the most words in common");
     v("min_share_of_score", min_share_of_score, Range(0, 1), "of the best score");
     v("max_keyframes", max_keyframes, Range(1, 1000), "keyframes");
+    v("min_inliers", min_inliers, Range(0, 100000));
   }
 };
 

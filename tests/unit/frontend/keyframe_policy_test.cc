@@ -23,6 +23,11 @@ TEST(KeyframePolicy, FewSharedPointsFewPointsOrParallaxCallForOne) {
   evidence = Comfortable();
   evidence.cos_angle = std::cos(3.1 * M_PI / 180);
   EXPECT_TRUE(policy.NeedsKeyframe(evidence));
+  evidence = Comfortable();
+  evidence.turn_deg = 13;
+  EXPECT_FALSE(policy.NeedsKeyframe(evidence));
+  evidence.turn_deg = 15;
+  EXPECT_TRUE(policy.NeedsKeyframe(evidence));
 }
 
 TEST(KeyframePolicy, IsUrgentBeforeTheSubmapMightBeLost) {
@@ -66,6 +71,21 @@ TEST(KeyframePolicy, MeasuresSolidPointsAndTheAngleOfTheRays) {
   EXPECT_EQ(evidence.solid_points, 1);  // the second was seen by two keyframes only
   EXPECT_NEAR(std::acos(evidence.cos_angle), std::atan(0.1), 1e-9);
   EXPECT_EQ(policy.Measure(early.map, tracked).solid_points, 2);
+}
+
+// The view turns to the side, or up; a camera that turns about its axis goes on to see the same.
+TEST(KeyframePolicy, MeasuresHowFarTheViewHasTurned) {
+  const SmallMap map(4);
+  TrackResult tracked;
+  tracked.reference_keyframe = KeyframeIndex(0);
+  tracked.points = {PointIndex(), PointIndex()};
+  const auto turn = [&](const Eigen::Vector3d& about) {
+    tracked.cam_from_submap = {Eigen::Quaterniond(Eigen::AngleAxisd(0.3, about)), Eigen::Vector3d::Zero()};
+    return KeyframePolicy({}).Measure(map.map, tracked).turn_deg;
+  };
+  EXPECT_NEAR(turn(Eigen::Vector3d::UnitX()), 0.3 * 180 / M_PI, 1e-6);
+  EXPECT_NEAR(turn(Eigen::Vector3d::UnitY()), 0.3 * 180 / M_PI, 1e-6);
+  EXPECT_NEAR(turn(Eigen::Vector3d::UnitZ()), 0, 1e-5);
 }
 
 }  // namespace keyframe_policy_test
