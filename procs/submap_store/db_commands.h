@@ -42,8 +42,8 @@ bool RepairDb(const std::string& path, std::vector<std::string> sources);
 // Removes a database with what SQLite keeps beside it.
 void RemoveDb(const std::string& path);
 
-// Makes `out`, in place of what a copy that was killed has left there, from the flights and decisions of one database, without its merged map. What is
-// damaged is left out and told, a line each; empty: all is whole.
+// Makes `out`, in place of what a copy that was killed has left there, from the flights and decisions of one database,
+// without its merged map. What is damaged is left out and told, a line each; empty: all is whole.
 std::vector<std::string> CopyFlights(const std::string& path, const std::string& out);
 
 // Removes every revision of the merged map with its connections. Flights and people's decisions stay.
