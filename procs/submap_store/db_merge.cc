@@ -7,6 +7,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "libs/base/text_format.h"
 #include "procs/submap_store/database.h"
 #include "procs/submap_store/db_commands.h"
 
@@ -44,8 +45,9 @@ void CopySession(SQLite::Database* out, const Source& source) {
     const int64_t id = out->getLastInsertRowid();
     for (const char* table : kTables) {
       const std::string names = Columns(out, table);
-      SQLite::Statement copy(*out, std::string("INSERT INTO main.") + table + "(session, " + names + ") SELECT ?, " +
-                                       names + " FROM source." + table + " WHERE session = ?");
+      SQLite::Statement copy(
+          *out, Format("INSERT INTO main.%s(session, %s) SELECT ?, %s FROM source.%s WHERE session = ?", table,
+                       names.c_str(), names.c_str(), table));
       copy.bind(1, id);
       copy.bind(2, source.session.id);
       copy.exec();
