@@ -115,6 +115,24 @@ TEST_P(FrontendThreads, RelocaliseOnlyWaitsUntilTheMapIsSeenAgain) {
   EXPECT_EQ(run.frontend.NumLosses(), 1);
 }
 
+// What looks like the map elsewhere shows some of its points too.
+TEST_P(FrontendThreads, RelocaliseOnlyBelievesNoFrameThatSeesTooFewPoints) {
+  const Vocabulary vocabulary = Vocabulary::Read(MAPMEND_SOURCE_DIR "/data/vocabulary/mapmend.voc");
+  const auto state_when_back = [&](int min_inliers) {
+    SyntheticScene scene(30000, -2, 14, 0.1, 2);
+    FrontendOptions options = Replay::Options(GetParam());
+    options.relocalise_only = true;
+    options.relocaliser.min_inliers = min_inliers;
+    Replay run(scene, options, &vocabulary);
+    int index = 0;
+    for (int i = 0; i < 12; ++i) run.frontend.ProcessFrame(scene.View(NadirPose(0.12 * i, 0), index++));
+    for (int i = 0; i < 6; ++i) run.frontend.ProcessFrame(scene.View(NadirPose(8 + 0.12 * i, 8), index++));
+    return run.frontend.ProcessFrame(scene.View(NadirPose(0.06, 0.05), index++)).state;
+  };
+  EXPECT_EQ(state_when_back(50), FrontendState::kTracking);
+  EXPECT_EQ(state_when_back(100000), FrontendState::kLost);
+}
+
 TEST_P(FrontendThreads, ShortBlackoutContinuesTheSameSubmap) {
   SyntheticScene scene(12000, -1.5, 6, 0.1, 3);
   SyntheticScene nothing(10, -1.5, 6, 0.1, 4);
