@@ -153,7 +153,7 @@ void MapFile::CopyFlights(const std::string& logs) {
   });
   if (status.Success()) return;
   if (status.signal != 0 || status.code != kExitInputCutShort)
-    throw std::runtime_error("cannot merge anew: " + DescribeFailure("submap_store", status, log));
+    throw std::runtime_error("cannot merge anew: " + DescribeFailure("submap_store", status, log, 0));
   std::ifstream lines(log);
   for (std::string line; std::getline(lines, line);) {
     if (line.find("session ") == 0 || line.find(options_.place.db) == 0 || line.find("decision") == 0 ||

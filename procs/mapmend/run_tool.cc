@@ -1,6 +1,7 @@
 #include "procs/mapmend/run_tool.h"
 
 #include <chrono>
+#include <filesystem>
 #include <optional>
 #include <stdexcept>
 #include <thread>
@@ -13,6 +14,13 @@ namespace {
 
 // A program that is killed more often is not killed by chance.
 constexpr int kMaxAttempts = 10;
+
+// 0 if it is not there.
+long SizeOf(const std::string& path) {
+  std::error_code missing;
+  const uintmax_t size = std::filesystem::file_size(path, missing);
+  return missing ? 0 : static_cast<long>(size);
+}
 
 ExitStatus RunOnce(const std::vector<std::string>& command, const std::string& log,
                    const std::function<void()>& each_poll) {
@@ -31,20 +39,24 @@ ExitStatus RunToEnd(const std::vector<std::string>& argv, const std::string& log
                     const std::function<void()>& each_poll) {
   std::vector<std::string> command = argv;
   command.front() = FindProgram(argv.front());
+  const long begin = SizeOf(log);
   ExitStatus status = RunOnce(command, log, each_poll);
-  for (int attempt = 1; status.signal != 0 && attempt < kMaxAttempts; ++attempt)
+  for (int attempt = 1; status.signal != 0 && attempt < kMaxAttempts; ++attempt) {
+    std::filesystem::resize_file(log, static_cast<uintmax_t>(begin));
     status = RunOnce(command, log, each_poll);
+  }
   return status;
 }
 
-std::string DescribeFailure(const std::string& program, const ExitStatus& status, const std::string& log) {
+std::string DescribeFailure(const std::string& program, const ExitStatus& status, const std::string& log, long from) {
   if (status.signal != 0) return program + " was ended by " + status.Describe() + ", each time";
-  return FindErrorLine(log, program, 0);
+  return FindErrorLine(log, program, from);
 }
 
 void RunTool(const std::vector<std::string>& argv, const std::string& log, const std::string& failed) {
+  const long begin = SizeOf(log);
   const ExitStatus status = RunToEnd(argv, log);
-  if (!status.Success()) throw std::runtime_error(failed + ": " + DescribeFailure(argv.front(), status, log));
+  if (!status.Success()) throw std::runtime_error(failed + ": " + DescribeFailure(argv.front(), status, log, begin));
 }
 
 }  // namespace mapmend

@@ -10,8 +10,9 @@
 // begun anew.
 namespace mapmend {
 
-// Runs one of mapmend's programs (argv[0] is its name) to its end, its output into the file log. While it runs,
-// each_poll is called many times a second; the program is killed if that throws.
+// Runs one of mapmend's programs (argv[0] is its name) to its end, its output behind what the file log holds; what one
+// that was killed has said is taken off again. While it runs, each_poll is called many times a second; the program is
+// killed if that throws.
 ExitStatus RunToEnd(
     const std::vector<std::string>& argv, const std::string& log, const std::function<void()>& each_poll = [] {});
 
@@ -19,7 +20,7 @@ ExitStatus RunToEnd(
 // does.
 void RunTool(const std::vector<std::string>& argv, const std::string& log, const std::string& failed);
 
-// Why a program has failed, in a line.
-std::string DescribeFailure(const std::string& program, const ExitStatus& status, const std::string& log);
+// Why a program has failed, in a line.  from: where its output begins in the log, bytes
+std::string DescribeFailure(const std::string& program, const ExitStatus& status, const std::string& log, long from);
 
 }  // namespace mapmend

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <string>
 
+#include "libs/base/write_file.h"
 #include "tests/scratch_folder.h"
 
 namespace mapmend {
@@ -41,6 +42,14 @@ class RunToolTest : public testing::Test {
 TEST_F(RunToolTest, WhatIsKilledIsRunAgain) {
   EXPECT_EQ(Failure(Tool("[ $(wc -c < " + Runs() + ") -ge 3 ] || kill -9 $$")), "");
   EXPECT_EQ(NumRuns(), 3);
+}
+
+// A log may be that of a whole flight, with troubles of its own; and what is said is read by those who asked.
+TEST_F(RunToolTest, WhatItSaidBeforeItWasKilledIsTakenOff) {
+  std::ofstream(Log()) << "[error] long ago\n";
+  EXPECT_EQ(Failure(Tool("echo said; [ $(wc -c < " + Runs() + ") -ge 3 ] || kill -9 $$")), "");
+  EXPECT_EQ(ReadFile(Log()), "[error] long ago\nsaid\n");
+  EXPECT_NE(Failure(Tool("echo \"[error] the disk is full\"; exit 1")).find("the disk is full"), std::string::npos);
 }
 
 TEST_F(RunToolTest, WhatFailsByItselfIsNot) {
