@@ -235,6 +235,24 @@ TEST_F(DbFiles, AStrangerReadsItWithThePythonOfTheDocumentation) {
   EXPECT_EQ(read.size(), num_expected);
 }
 
+// It was killed before it was done, or when it was.
+TEST_F(DbFiles, ACopyTakesThePlaceOfWhatOneThatWasKilledHasLeft) {
+  const std::string other = folder_.File("other.db"), copy = folder_.File("copy.db");
+  Fill(db_, Flight("a"));
+  {
+    Database killed(other, Database::Mode::kReadWrite);
+    killed.Sql().exec("CREATE TABLE left_by_a_copy (x)");
+    for (const std::string& place : {copy, copy + ".part"}) {
+      for (const char* suffix : {"", "-wal"}) std::filesystem::copy_file(other + suffix, place + suffix);
+    }
+  }
+  EXPECT_TRUE(CopyFlights(db_, copy).empty());
+  EXPECT_TRUE(CheckDb(copy).empty());
+  EXPECT_EQ(Count(copy, "SELECT count(*) FROM record"), Count(db_, "SELECT count(*) FROM record"));
+  EXPECT_EQ(Count(copy, "SELECT count(*) FROM sqlite_master WHERE name = 'left_by_a_copy'"), 0);
+  EXPECT_FALSE(std::filesystem::exists(copy + ".part"));
+}
+
 TEST_F(DbFiles, MergePutsFlightsTogetherSoThatTheyCanBeSearchedTogether) {
   const std::string b = folder_.File("b.db"), merged = folder_.File("merged.db");
   SyntheticStreamOptions later = Flight("later");
