@@ -42,6 +42,8 @@ std::string RawPath(const std::string& path) { return path + ".raw"; }
 
 Dataset CreateRaw(const std::string& path, const GroundRaster& raster, int bands, GDALDataType type, int epsg) {
   GDALAllRegister();
+  constexpr GIntBig kCacheBytes = GIntBig{48} << 20;  // GDAL takes a twentieth of the machine's memory unless told
+  GDALSetCacheMax64(kCacheBytes);
   CPLSetErrorHandler(CPLQuietErrorHandler);
   GDALDriver* driver = GetGDALDriverManager()->GetDriverByName("GTiff");
   if (driver == nullptr) throw std::runtime_error(path + ": GDAL has no driver for GeoTIFF");

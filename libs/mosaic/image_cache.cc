@@ -1,5 +1,6 @@
 #include "libs/mosaic/image_cache.h"
 
+#include <algorithm>
 #include <opencv2/imgproc.hpp>
 
 namespace mapmend {
@@ -15,7 +16,7 @@ const cv::Mat& ImageCache::Get(int image, const cv::Size& size) {
     entries_.splice(entries_.begin(), entries_, found->second);
     return entries_.front().second;
   }
-  cv::Mat read = read_(image);
+  cv::Mat read = read_(image, std::max(size.width, size.height));
   if (read.empty()) {
     missing_.insert(image);
   } else if (read.size() != size) {

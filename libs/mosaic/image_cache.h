@@ -14,7 +14,8 @@ namespace mapmend {
 inline cv::Size SizeOf(const Camera& camera) { return {camera.width, camera.height}; }
 
 // 8 bits, 3 channels (BGR), as it was taken; empty if it is not to be had.
-using ReadMosaicImage = std::function<cv::Mat(int image)>;
+//   side  so many pixels along the longer side are enough, if that is faster; there may be more or fewer
+using ReadMosaicImage = std::function<cv::Mat(int image, int side)>;
 
 // Decoded images in the size in which they are used, at most so much memory of them: those used last stay.
 class ImageCache {

@@ -7,6 +7,36 @@
 #include "libs/mosaic/brightness.h"
 
 namespace mapmend {
+namespace {
+
+constexpr int kCoverageBlock = 8;  // cells along a side
+
+// Adds one to each cell of a block that an image shows. places: of all cells, row by row. A block whose corners are well
+// inside the image, or well outside, is not looked into.
+void CountSeen(const GroundView& view, const std::vector<Eigen::Vector3d>& places, const cv::Rect& block,
+               cv::Mat* coverage) {
+  const auto see = [&](int x, int y) {
+    return view.Project(places[static_cast<size_t>(y) * static_cast<size_t>(coverage->cols) + static_cast<size_t>(x)]);
+  };
+  const int right = block.br().x - 1, bottom = block.br().y - 1;
+  const auto a = see(block.x, block.y), b = see(right, block.y), c = see(block.x, bottom), d = see(right, bottom);
+  if (a && b && c && d) {
+    const double size = std::max((a->pixel - d->pixel).norm(), (b->pixel - c->pixel).norm());
+    if (std::max({a->inside, b->inside, c->inside, d->inside}) < -size) return;
+    if (std::min({a->inside, b->inside, c->inside, d->inside}) > size) {
+      cv::Mat cells = (*coverage)(block);
+      cells += cv::Scalar(1);
+      return;
+    }
+  }
+  for (int y = block.y; y <= bottom; ++y) {
+    for (int x = block.x; x <= right; ++x) {
+      if (const auto sight = see(x, y); sight && sight->inside >= 0) ++coverage->at<uint16_t>(y, x);
+    }
+  }
+}
+
+}  // namespace
 
 Mosaic::Mosaic(const MosaicOptions& options, std::vector<MosaicImage> images,
                const std::vector<Eigen::Vector3d>& points, ReadMosaicImage read)
@@ -34,12 +64,14 @@ void Mosaic::Crop(const GroundBounds& bounds) {
   raster_.height = std::max(1, static_cast<int>(std::ceil(bounds.Size().y() / raster_.gsd)));
 }
 
-void Mosaic::EvenExposure(ImageCache* cache, const std::function<void(double share)>& tell) {
+void Mosaic::EvenExposure(const std::function<void(double share)>& tell) {
+  num_missing_ = 0;
   std::vector<cv::Mat> brightness(static_cast<size_t>(NumImages()));
   for (int i = 0; i < NumImages(); ++i) {
-    const cv::Mat& image = cache->Get(i, SizeOf(scene_.Image(i).camera));
+    const cv::Mat image = read_(i, kBrightnessSide);
     if (image.empty()) {
       scene_.Exclude(i);
+      ++num_missing_;
     } else {
       brightness[static_cast<size_t>(i)] = BrightnessImage(image);
     }
@@ -54,7 +86,7 @@ void Mosaic::Make(const WriteMosaicBlock& write, const std::function<void(double
   const auto tell = [&](double share) {
     if (progress) progress(share);
   };
-  EvenExposure(&cache, [&](double share) { tell(kShareOfExposure * share); });
+  EvenExposure([&](double share) { tell(kShareOfExposure * share); });
   const int columns = (raster_.width + options_.block - 1) / options_.block,
             rows = (raster_.height + options_.block - 1) / options_.block;
   for (int row = 0; row < rows; ++row) {
@@ -68,25 +100,29 @@ void Mosaic::Make(const WriteMosaicBlock& write, const std::function<void(double
       tell(kShareOfExposure + (1 - kShareOfExposure) * (row * columns + n + 1) / (rows * columns));
     }
   }
-  num_missing_ = static_cast<int>(cache.Missing().size());
+  num_missing_ += static_cast<int>(cache.Missing().size());
 }
 
 cv::Mat Mosaic::Coverage(int step) const {
-  cv::Mat coverage = cv::Mat::zeros((raster_.height + step - 1) / step, (raster_.width + step - 1) / step, CV_16U);
+  const cv::Size size((raster_.width + step - 1) / step, (raster_.height + step - 1) / step);
+  std::vector<Eigen::Vector3d> places;
+  places.reserve(static_cast<size_t>(size.area()));
+  for (int row = 0; row < size.height; ++row) {
+    for (int column = 0; column < size.width; ++column)
+      places.push_back(scene_.OnSurface(raster_.Place((column + 0.5) * step, (row + 0.5) * step)));
+  }
+  cv::Mat coverage = cv::Mat::zeros(size, CV_16U);
   for (int i = 0; i < NumImages(); ++i) {
     const GroundBounds& footprint = scene_.Footprint(i);
     const Eigen::Vector2d low = raster_.Pixel({footprint.low.x(), footprint.high.y()}) / step,
                           high = raster_.Pixel({footprint.high.x(), footprint.low.y()}) / step;
-    const cv::Rect all({}, coverage.size());
-    const cv::Rect part =
+    const cv::Rect cells =
         cv::Rect(cv::Point(static_cast<int>(std::floor(low.x())), static_cast<int>(std::floor(low.y()))),
                  cv::Point(static_cast<int>(std::ceil(high.x())) + 1, static_cast<int>(std::ceil(high.y())) + 1)) &
-        all;
-    for (int row = part.y; row < part.br().y; ++row) {
-      for (int column = part.x; column < part.br().x; ++column) {
-        const Eigen::Vector2d place = raster_.Place((column + 0.5) * step, (row + 0.5) * step);
-        if (scene_.View(i).See(scene_.OnSurface(place))) ++coverage.at<uint16_t>(row, column);
-      }
+        cv::Rect({}, size);
+    for (int y = cells.y; y < cells.br().y; y += kCoverageBlock) {
+      for (int x = cells.x; x < cells.br().x; x += kCoverageBlock)
+        CountSeen(scene_.View(i), places, cv::Rect(x, y, kCoverageBlock, kCoverageBlock) & cells, &coverage);
     }
   }
   return coverage;

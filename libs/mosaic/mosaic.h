@@ -65,7 +65,7 @@ class Mosaic {
 
  private:
   void ChooseRaster();
-  void EvenExposure(ImageCache* cache, const std::function<void(double share)>& tell);
+  void EvenExposure(const std::function<void(double share)>& tell);
 
   MosaicOptions options_;
   GroundScene scene_;

@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "libs/map_view/keyframe_pixels.h"
 #include "libs/mosaic/brightness.h"
 
 namespace mapmend {
@@ -22,22 +23,15 @@ int KnownImages::Find(const TileFile::ImageKey& key) const {
   return it == ids_.end() ? -1 : it->second;
 }
 
-std::optional<cv::Mat> KnownImages::Decode(const TileFile::ImageKey& key) const {
+cv::Mat KnownImages::Fetch(int id, int side) const {
+  const TileFile::ImageKey& key = images_.at(id).key;
   const std::optional<KeyframeImage> image = fetch_(key.first, KeyframeId(key.second));
-  if (!image) return std::nullopt;
-  cv::Mat pixels = cv::imdecode(image->bytes, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
-  if (pixels.empty()) return std::nullopt;
+  cv::Mat pixels = image ? DecodePixels(*image, side) : cv::Mat();
+  if (pixels.empty()) throw std::runtime_error("the image of keyframe " + std::to_string(key.second) + " is gone");
   return pixels;
 }
 
-cv::Mat KnownImages::Fetch(int id) const {
-  const TileFile::ImageKey& key = images_.at(id).key;
-  std::optional<cv::Mat> pixels = Decode(key);
-  if (!pixels) throw std::runtime_error("the image of keyframe " + std::to_string(key.second) + " is gone");
-  return std::move(*pixels);
-}
-
-std::map<int, cv::Mat> KnownImages::Read(const Snapshot& snapshot, int most) {
+int KnownImages::Read(const Snapshot& snapshot, int most, const std::function<void(int, cv::Mat)>& use) {
   std::multimap<int64_t, TileFile::ImageKey, std::greater<>> wanted;  // newest first
   for (const SnapshotComponent& component : snapshot.components) {
     for (const SnapshotKeyframe& keyframe : component.keyframes) {
@@ -45,25 +39,27 @@ std::map<int, cv::Mat> KnownImages::Read(const Snapshot& snapshot, int most) {
       if (!ids_.contains(key) && !absent_.contains(key)) wanted.emplace(keyframe.utime, key);
     }
   }
-  std::map<int, cv::Mat> read;
+  int num_read = 0;
   for (const auto& [utime, key] : wanted) {
-    if (static_cast<int>(read.size()) >= most) break;
-    std::optional<cv::Mat> pixels = Decode(key);
-    if (!pixels) {
+    if (num_read >= most) break;
+    const std::optional<KeyframeImage> image = fetch_(key.first, KeyframeId(key.second));
+    const cv::Mat small = image ? DecodePixels(*image, kBrightnessSide) : cv::Mat();
+    if (small.empty()) {
       absent_.insert(key);
       continue;
     }
     TileFile::ImageNote note;
-    note.width = pixels->cols;
-    note.height = pixels->rows;
-    const cv::Mat brightness = BrightnessImage(*pixels);
+    note.width = image->width;
+    note.height = image->height;
+    const cv::Mat brightness = BrightnessImage(small);
     cv::imencode(".png", brightness, note.brightness);
     const int id = file_->AddImage(key, note);
     ids_[key] = id;
     images_[id] = {key, note.width, note.height, brightness};
-    read.emplace(id, std::move(*pixels));
+    ++num_read;
+    if (use) use(id, DecodePixels(*image));
   }
-  return read;
+  return num_read;
 }
 
 }  // namespace mapmend

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <functional>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -28,20 +29,19 @@ class KnownImages {
   KnownImages(TileFile* file, FetchImage fetch);
 
   // Tries to read images of keyframes that are not known yet, the newest first, at most so many. Those that the store
-  // does not have are asked for again after Retry. Returns what was read, by id.
-  std::map<int, cv::Mat> Read(const Snapshot& snapshot, int most);
+  // does not have are asked for again after Retry. Returns how many were read.
+  //   use  gets each of them, decoded, by id; empty: nobody wants more than their brightness
+  int Read(const Snapshot& snapshot, int most, const std::function<void(int id, cv::Mat pixels)>& use);
   void Retry() { absent_.clear(); }
   int NumAbsent() const { return static_cast<int>(absent_.size()); }
 
   // -1: not known.
   int Find(const TileFile::ImageKey& key) const;
   const Image& Get(int id) const { return images_.at(id); }
-  // Decoded; throws std::runtime_error if it cannot be had.
-  cv::Mat Fetch(int id) const;
+  // Decoded, with so many pixels along the longer side if there are; throws std::runtime_error if it cannot be had.
+  cv::Mat Fetch(int id, int side) const;
 
  private:
-  std::optional<cv::Mat> Decode(const TileFile::ImageKey& key) const;
-
   TileFile* const file_;
   const FetchImage fetch_;
   std::map<TileFile::ImageKey, int> ids_;

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <filesystem>
 #include <opencv2/core/utility.hpp>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -29,6 +30,7 @@ constexpr int kFetchTimeoutMs = 2000;
 constexpr auto kAskInterval = std::chrono::milliseconds(700);
 constexpr auto kWorkTime = std::chrono::milliseconds(250);  // until the bus has its turn
 constexpr auto kPatience = std::chrono::seconds(4);         // for images that do not come, once all else is there
+constexpr auto kPatienceForFinal = std::chrono::seconds(30);
 constexpr int kImagesAtOnce = 4;
 constexpr auto kMostWithoutDrawing = std::chrono::seconds(2);
 constexpr int kNiceness = 10;  // tracking and merging go first
@@ -48,7 +50,7 @@ class MosaicLoop {
         file_(options.out),
         images_(&file_, [this](const std::string& session, KeyframeId keyframe) { return Fetch(session, keyframe); }),
         scene_(options.scene, Noted("mapmend_frames")),
-        tiles_(options.tiles, &file_, [this](int id) { return images_.Fetch(id); }),
+        tiles_(options.tiles, &file_, [this](int id, int side) { return images_.Fetch(id, side); }),
         consumer_(bus, &store_, [this](const Record& record) { OnRecord(record); }) {
     transforms_ = bus->Subscribe<MergedTransforms>(channels::kMergedTransforms, Delivery::kKeepAll,
                                                    [this](const MergedTransforms& transforms) {
@@ -133,30 +135,43 @@ class MosaicLoop {
     return model_.IsComplete() && model_.Revision().transforms.revision <= fetched_ && !has_more_images_ && !is_awaited;
   }
 
+  // Once everything has ended the final map is near, of which all is drawn anew: what it would be drawn over is left as
+  // it is, unless the final map is long in coming.
+  bool IsFinalNear() {
+    if (!model_.AllEnded() || model_.IsComplete()) {
+      ended_at_.reset();
+      return false;
+    }
+    if (!ended_at_) ended_at_ = Clock::now();
+    return Clock::now() - *ended_at_ < kPatienceForFinal;
+  }
+
   void Draw() {
     FetchRevision();
     AskImages();
-    LookAtMap();
-    if (tiles_.NumPending() == 0) return;
+    const bool is_final_near = IsFinalNear();
+    LookAtMap(is_final_near);
+    if (tiles_.NumPending() == 0 || is_final_near) return;
     tiles_.Work(Clock::now() + kWorkTime);
   }
 
-  void LookAtMap() {
+  void LookAtMap(bool is_final_near) {
     const auto begin = Clock::now();
     if (begin < next_look_) return;
     const bool is_final = MayBeFinal();
-    const bool is_new = model_.Version() != version_ || num_stored_ != stored_at_look_ || is_final != is_final_;
+    const bool is_new = model_.Version() != version_ || num_stored_ != stored_at_look_ || is_final != is_final_ ||
+                        is_final_near != was_final_near_;
     if (!is_new && !has_more_images_) return;
+    was_final_near_ = is_final_near;
     const Snapshot snapshot = MakeSnapshot(model_);
     version_ = model_.Version();
     stored_at_look_ = num_stored_;
-    std::map<int, cv::Mat> read = images_.Read(snapshot, kImagesAtOnce);
-    has_more_images_ = static_cast<int>(read.size()) == kImagesAtOnce;
-    for (auto& [id, pixels] : read) tiles_.Keep(id, std::move(pixels));
+    const int num_read = ReadImages(snapshot, is_final_near);
+    if (is_final_near) return;
     // Whoever has much to read, after a start, draws now and then only.
     if (has_more_images_ && begin - drawn_at_ < kMostWithoutDrawing) return;
     drawn_at_ = begin;
-    is_final_ = is_final && read.empty();
+    is_final_ = is_final && num_read == 0;
     tiles_.SetScene(scene_.Make(snapshot, images_, is_final_), scene_.Focus(), is_final_);
     TileFile::Changes changes;
     changes.metadata = scene_.Metadata(tiles_.Scene());
@@ -168,6 +183,15 @@ class MosaicLoop {
     const auto least =
         std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(options_.min_interval_s));
     if (!has_more_images_) next_look_ = end + std::max(pause, least);
+  }
+
+  // Images that are to be drawn soon stay decoded.
+  int ReadImages(const Snapshot& snapshot, bool is_final_near) {
+    const auto keep = [this](int id, cv::Mat pixels) { tiles_.Keep(id, std::move(pixels)); };
+    const int num_read = is_final_near ? images_.Read(snapshot, kImagesAtOnce, {})
+                                       : images_.Read(snapshot, kImagesAtOnce, keep);
+    has_more_images_ = num_read == kImagesAtOnce;
+    return num_read;
   }
 
   void Report() {
@@ -204,8 +228,9 @@ class MosaicLoop {
   int64_t announced_ = -1, fetched_ = -1;  // revisions
   int64_t version_ = -1;                   // of the model, when it was looked at
   int num_stored_ = -1, num_awaited_ = 0, stored_at_look_ = -1;
-  bool has_more_images_ = false, is_final_ = false;
+  bool has_more_images_ = false, is_final_ = false, was_final_near_ = false;
   std::map<std::string, std::string> metadata_;
+  std::optional<Clock::time_point> ended_at_;  // since when everything has ended, and no final map has come
   Clock::time_point next_revision_, next_images_, next_look_, images_changed_at_, drawn_at_;
 };
 

@@ -11,6 +11,7 @@
 
 #include "libs/base/write_file.h"
 #include "libs/map_view/image_pixels.h"
+#include "libs/map_view/keyframe_pixels.h"
 #include "procs/viewer_export/colmap_model.h"
 
 namespace mapmend {
@@ -29,7 +30,7 @@ void MakeFolder(const fs::path& folder) {
 // For a lens of which COLMAP has no model: the image as the ideal camera would have taken it. False if it cannot be
 // decoded.
 bool Undistort(const Camera& camera, KeyframeImage* image) {
-  const cv::Mat taken = cv::imdecode(image->bytes, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+  const cv::Mat taken = DecodePixels(*image);
   if (taken.empty()) return false;
   const Camera resized = camera.Resized(taken.cols, taken.rows);
   const Pinhole ideal = resized.Ideal();

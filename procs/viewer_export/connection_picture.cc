@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "libs/map_view/image_pixels.h"
+#include "libs/map_view/keyframe_pixels.h"
 #include "procs/viewer_export/connection_matches.h"
 
 namespace mapmend {
@@ -40,8 +41,7 @@ Half MakeHalf(const MapModel& model, const SubmapKey& key, KeyframeId id, const 
   half.ideal = session.pinhole;
   cv::Mat image;
   if (fetch) {
-    if (const auto stored = fetch(key.session, id))
-      image = cv::imdecode(stored->bytes, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    if (const auto stored = fetch(key.session, id)) image = DecodePixels(*stored);
   }
   const bool is_missing = image.empty();
   if (is_missing) {

@@ -11,6 +11,7 @@
 
 #include "libs/base/write_file.h"
 #include "libs/map_view/image_pixels.h"
+#include "libs/map_view/keyframe_pixels.h"
 #include "libs/map_view/level_frame.h"
 #include "libs/map_view/shutters.h"
 #include "libs/mosaic/geotiff.h"
@@ -28,9 +29,9 @@ struct Source {
   std::vector<std::pair<std::string, KeyframeId>> keys;
   std::vector<MosaicImage> images;
 
-  cv::Mat Read(int index) const {
+  cv::Mat Read(int index, int side) const {
     const std::optional<KeyframeImage> image = fetch(keys[index].first, keys[index].second);
-    return image ? cv::imdecode(image->bytes, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION) : cv::Mat();
+    return image ? DecodePixels(*image, side) : cv::Mat();
   }
   bool HasAny() const {
     return std::any_of(keys.begin(), keys.end(),
@@ -138,7 +139,7 @@ std::string ExportMosaic(Snapshot snapshot, int component, const FetchImage& ima
   const FrameOfReference& frame = snapshot.components[component].frame;
   std::vector<Eigen::Vector3d> points;
   for (const ColoredPoint& point : ComponentPoints(snapshot, component)) points.push_back(point.position);
-  Mosaic mosaic(options.mosaic, source.images, points, [&](int index) { return source.Read(index); });
+  Mosaic mosaic(options.mosaic, source.images, points, [&](int index, int side) { return source.Read(index, side); });
   if (!mosaic.Problem().empty()) return Nothing(folder, mosaic.Problem());
   if (options.bounds.size() == 4) {
     const Eigen::Vector2d origin = frame.origin.head<2>(), low(options.bounds[0], options.bounds[1]),

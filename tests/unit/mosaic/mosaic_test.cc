@@ -48,7 +48,7 @@ TEST(Mosaic, IsThePictureOfTheGround) {
   Camera camera = SyntheticGround::MakeCamera();
   camera.distortion = {-0.1, 0.02, 0.001, -0.001, 0};
   const std::vector<MosaicImage> images = Images(camera);
-  Mosaic mosaic({}, images, SyntheticGround::Points(), [&](int i) { return SyntheticGround::View(images[i]); });
+  Mosaic mosaic({}, images, SyntheticGround::Points(), [&](int i, int) { return SyntheticGround::View(images[i]); });
   ASSERT_EQ(mosaic.Problem(), "");
   EXPECT_NEAR(mosaic.Raster().gsd, 10.25 / 300, 0.002);
   const Picture picture(&mosaic);
@@ -63,7 +63,7 @@ TEST(Mosaic, IsThePictureOfTheGround) {
 TEST(Mosaic, ImagesExposedDifferentlyAreEvened) {
   const std::vector<MosaicImage> images = Images();
   Mosaic mosaic({}, images, SyntheticGround::Points(),
-                [&](int i) { return SyntheticGround::View(images[i], 0.8 + 0.05 * i); });
+                [&](int i, int) { return SyntheticGround::View(images[i], 0.8 + 0.05 * i); });
   const Picture picture(&mosaic);
   cv::Mat ratio, truth = Truth(mosaic.Raster());
   cv::Mat color = picture.color;
@@ -80,7 +80,7 @@ TEST(Mosaic, DoesNotDependOnItsBlocks) {
   const auto make = [&](int block) {
     MosaicOptions options;
     options.block = block;
-    Mosaic mosaic(options, images, SyntheticGround::Points(), [&](int i) { return SyntheticGround::View(images[i]); });
+    Mosaic mosaic(options, images, SyntheticGround::Points(), [&](int i, int) { return SyntheticGround::View(images[i]); });
     return Picture(&mosaic);
   };
   const Picture whole = make(4096), small = make(128);
@@ -93,7 +93,7 @@ TEST(Mosaic, DoesNotDependOnItsBlocks) {
 TEST(Mosaic, AMissingImageLeavesItsPlaceToTheOthers) {
   const std::vector<MosaicImage> images = Images();
   Mosaic mosaic({}, images, SyntheticGround::Points(),
-                [&](int i) { return i == 2 ? cv::Mat() : SyntheticGround::View(images[i]); });
+                [&](int i, int) { return i == 2 ? cv::Mat() : SyntheticGround::View(images[i]); });
   const Picture picture(&mosaic);
   EXPECT_EQ(mosaic.NumMissing(), 1);
   const Eigen::Vector2d below = mosaic.Raster().Pixel(images[2].cam_from_ground.Center().head<2>());
@@ -102,7 +102,7 @@ TEST(Mosaic, AMissingImageLeavesItsPlaceToTheOthers) {
 
 TEST(Mosaic, TellsWhyThereIsNone) {
   const auto problem = [](const std::vector<MosaicImage>& images, const std::vector<Eigen::Vector3d>& points) {
-    return Mosaic({}, images, points, [](int) { return cv::Mat(); }).Problem();
+    return Mosaic({}, images, points, [](int, int) { return cv::Mat(); }).Problem();
   };
   const Camera camera = SyntheticGround::MakeCamera();
   EXPECT_NE(problem({{camera, SyntheticGround::Above(0, 0, 10, 0, 1.5)}}, SyntheticGround::Points()).find("86 degrees"),
@@ -124,6 +124,26 @@ TEST(Mosaic, CoverageCountsImages) {
   cv::minMaxLoc(coverage, nullptr, &most);
   EXPECT_GE(most, 4);
   EXPECT_LE(most, 8);
+}
+
+TEST(Mosaic, CoverageCountsWhatEachImageSeesOfEachPlace) {
+  const std::vector<MosaicImage> images = Images();
+  const Mosaic mosaic({}, images, SyntheticGround::Points(), {});
+  const GroundScene scene({}, images, SyntheticGround::Points());
+  for (const int step : {1, 5}) {
+    const cv::Mat coverage = mosaic.Coverage(step);
+    int num_wrong = 0;
+    for (int row = 0; row < coverage.rows; ++row) {
+      for (int column = 0; column < coverage.cols; ++column) {
+        const Eigen::Vector3d place =
+            scene.OnSurface(mosaic.Raster().Place((column + 0.5) * step, (row + 0.5) * step));
+        int count = 0;
+        for (int i = 0; i < scene.NumImages(); ++i) count += scene.View(i).See(place) ? 1 : 0;
+        num_wrong += count == coverage.at<uint16_t>(row, column) ? 0 : 1;
+      }
+    }
+    EXPECT_EQ(num_wrong, 0) << "of " << coverage.total();
+  }
 }
 
 }  // namespace mosaic_test

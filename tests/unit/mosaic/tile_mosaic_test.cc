@@ -45,7 +45,7 @@ class Flight {
 // A file of tiles with who makes them.
 struct Maker {
   explicit Maker(const std::string& path)
-      : file(path), tiles({}, &file, [this](int id) {
+      : file(path), tiles({}, &file, [this](int id, int) {
           ++num_read;
           return SyntheticGround::View(Flight::Image(id));
         }) {}
@@ -197,7 +197,7 @@ TEST(TileMosaic, AnImageThatCannotBeReadLeavesItsUnitsForLater) {
   const ScratchFolder folder;
   TileFile file(folder.File("a.mbtiles"));
   bool is_silent = true;
-  TileMosaic tiles({}, &file, [&](int id) {
+  TileMosaic tiles({}, &file, [&](int id, int) {
     if (is_silent) throw std::runtime_error("the store does not answer");
     return SyntheticGround::View(Flight::Image(id));
   });
