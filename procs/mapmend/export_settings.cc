@@ -29,9 +29,8 @@ void ExportSettings::AddOptions(CLI::App* sub) {
 void ExportSettings::AddMosaicOption(CLI::App* sub) {
   sub->add_option("--mosaic", mosaic,
                   "the picture of the ground: live (tiles in mosaic.mbtiles while the map grows, mosaic.tif at the "
-                  "end), final (mosaic.tif only) or none")
-      ->check(CLI::IsMember({"live", "final", "none"}))
-      ->capture_default_str();
+                  "end), final (mosaic.tif only) or none (default: as before, else live)")
+      ->check(CLI::IsMember({"live", "final", "none"}));
 }
 
 void ExportSettings::Check() { formats = ParseFormats(given_); }
@@ -41,15 +40,19 @@ ExportSettings ExportSettings::WithEarlier(const std::string& folder) const {
   for (const std::string& format : FormatsIn(folder)) {
     if (std::find(formats.begin(), formats.end(), format) == formats.end()) settings.formats.push_back(format);
   }
-  if (frame.empty() && std::filesystem::exists(folder + "/summary.json"))
-    settings.frame = ReadSummary(folder).value("frame", "");
+  if (!std::filesystem::exists(folder + "/summary.json")) return settings;
+  const nlohmann::ordered_json earlier = ReadSummary(folder);
+  if (frame.empty()) settings.frame = earlier.value("frame", "");
+  if (mosaic.empty() && !earlier.contains("mosaic")) settings.mosaic = "none";
+  if (mosaic.empty() && earlier.contains("mosaic"))
+    settings.mosaic = std::filesystem::exists(folder + "/mosaic.mbtiles") ? "live" : "final";
   return settings;
 }
 
 std::vector<std::string> ExportSettings::Arguments() const {
   std::vector<std::string> arguments;
   if (!frame.empty()) arguments.insert(arguments.end(), {"--frame", frame});
-  if (mosaic == "none") arguments.insert(arguments.end(), {"--set", "mosaic.enabled=false"});
+  if (DrawsNothing()) arguments.insert(arguments.end(), {"--set", "mosaic.enabled=false"});
   for (const std::string& format : formats) arguments.insert(arguments.end(), {"--format", format});
   return arguments;
 }

@@ -13,12 +13,14 @@ namespace mapmend {
 struct ExportSettings {
   std::vector<std::string> formats;  // names of libs/formats/map_formats.h
   std::string frame;                 // one of FrameNames; empty: that of the exports that are there, else "map"
-  std::string mosaic = "live";       // the picture of the ground: live, final or none
+  std::string
+      mosaic;  // the picture of the ground: live, final or none; empty: as the exports that are there, else live
 
-  // Adds --mosaic to a command that maps flights.
+  // Adds --mosaic to a command that maps or merges flights.
   void AddMosaicOption(CLI::App* sub);
   // Whether tiles of the ground are drawn while a map grows.
-  bool DrawsLive() const { return mosaic == "live"; }
+  bool DrawsLive() const { return mosaic.empty() || mosaic == "live"; }
+  bool DrawsNothing() const { return mosaic == "none"; }
   // Adds --format and --frame to a command.
   void AddOptions(CLI::App* sub);
   // Throws UsageError. To be called in the command's callback, before anything is started.

@@ -77,7 +77,6 @@ MapFile::MapFile(const MapFileOptions& options) : options_(options) {
   backend.settings = options_.settings;
   backend.with_merger = options_.with_merger;
   backend.with_viewer = !options_.out.empty() || options_.page_port > 0;
-  backend.with_mosaic = options_.with_merger && !options_.out.empty() && options_.exports.DrawsLive();
   backend.port = options_.page_port;
   backend.bind = options_.page_bind;
   backend.page_is_stored = options_.page_port > 0;
@@ -98,7 +97,9 @@ MapFile::MapFile(const MapFileOptions& options) : options_(options) {
     }
     out_folder_ = std::make_unique<OutFolder>(options_.out, false, is_own);
     backend.out = options_.out;
-    backend.export_arguments = options_.exports.WithEarlier(options_.out).Arguments();
+    options_.exports = options_.exports.WithEarlier(options_.out);
+    backend.export_arguments = options_.exports.Arguments();
+    backend.with_mosaic = options_.with_merger && options_.exports.DrawsLive();
   }
   backend.logs = backend.out + "/logs";
   try {
@@ -169,6 +170,11 @@ void MapFile::TakeOver() {
     // What SQLite may have left beside the file of tiles belongs to the one that goes.
     std::error_code ignored;
     for (const char* suffix : {"-wal", "-shm"}) fs::remove(options_.out + "/mosaic.mbtiles" + suffix, ignored);
+    // A picture of the map as it was would be taken for one of the map as it is.
+    if (!options_.exports.DrawsLive()) fs::remove(options_.out + "/mosaic.mbtiles", ignored);
+    for (const std::string& name : PictureFiles()) {
+      if (options_.exports.DrawsNothing()) fs::remove(options_.out + "/" + name, ignored);
+    }
     for (const auto& entry : fs::directory_iterator(exports_)) {
       const fs::path target = fs::path(options_.out) / entry.path().filename();
       if (entry.is_directory()) fs::remove_all(target);

@@ -85,6 +85,7 @@ void AddMosaicCommand(CLI::App* app) {
     options->place = FindMap(*map);
     if (options->out.empty()) options->out = options->place.folder;
     if (options->out.empty()) throw std::runtime_error("give the folder for the results with --out");
+    options->exports.mosaic = "final";
     Work(*options, "");
     const nlohmann::ordered_json summary = ReadSummary(options->out);
     const nlohmann::ordered_json mosaic = summary.value("mosaic", nlohmann::ordered_json::object());
@@ -106,6 +107,7 @@ void AddMergeCommand(CLI::App* app) {
                   "folder of the results (default: MAP, if that is a folder; else none are written)");
   sub->add_option("--seed", options->seed,
                   "of everything random (default: that of the flight's run, which gives the same map)");
+  options->exports.AddMosaicOption(sub);
   sub->callback([options, map] {
     options->settings.Resolve();
     options->place = FindMap(*map);

@@ -52,13 +52,6 @@ constexpr const char* kResults[] = {"map.db",
                                     "outbox.images-wal",
                                     "outbox.images-shm",
                                     "edges",
-                                    "mosaic.tif",
-                                    "surface.tif",
-                                    "mosaic.png",
-                                    "coverage.png",
-                                    "mosaic.json",
-                                    "mosaic.kml",
-                                    "mosaic.kmz",
                                     "mosaic.mbtiles",
                                     "mosaic.mbtiles-wal",
                                     "mosaic.mbtiles-shm"};
@@ -127,6 +120,7 @@ int Claim(int port) {
 
 void RemoveResults(const std::string& path) {
   std::vector<std::string> names(std::begin(kResults), std::end(kResults));
+  names.insert(names.end(), PictureFiles().begin(), PictureFiles().end());
   for (const MapFormat& format : MapFormats()) names.insert(names.end(), format.files.begin(), format.files.end());
   for (const std::string& name : names) {
     std::error_code error;
@@ -136,6 +130,12 @@ void RemoveResults(const std::string& path) {
 }
 
 }  // namespace
+
+const std::vector<std::string>& PictureFiles() {
+  static const std::vector<std::string> files = {"mosaic.tif",  "surface.tif", "mosaic.png", "coverage.png",
+                                                 "mosaic.json", "mosaic.kml",  "mosaic.kmz"};
+  return files;
+}
 
 OutFolder::OutFolder(const std::string& path, bool overwrite, bool append) {
   std::error_code error;

@@ -2,8 +2,12 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace mapmend {
+
+// Names of what is written of the picture of the ground, but for its tiles.
+const std::vector<std::string>& PictureFiles();
 
 // The folder of results of one run, held by a lock for as long as this object lives.
 class OutFolder {

@@ -48,6 +48,7 @@ void AddRecoverCommand(CLI::App* app) {
   sub->add_option("--groundtruth", options->groundtruth, "TUM file; the report then tells the accuracy");
   sub->add_option("--vocabulary", options->vocabulary,
                   "the one that the flight was mapped with (default: mapmend's own)");
+  options->exports.AddMosaicOption(sub);
   options->settings.AddFlags(sub, {"hub", "submap_store", "merger", "viewer_export", "mosaic"});
   sub->footer(
       "Exit codes: 0 done, also if there was nothing to do; 1 an error, told in one line (all is left as it was); 130\n"

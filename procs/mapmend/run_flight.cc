@@ -284,8 +284,9 @@ class MappedFlight {
     backend.log_level = options_.log_level;
     backend.seed = options_.seed;
     backend.settings = options_.settings;
-    backend.export_arguments = options_.exports.WithEarlier(options_.out).Arguments();
-    backend.with_mosaic = options_.exports.DrawsLive();
+    const ExportSettings exports = options_.exports.WithEarlier(options_.out);
+    backend.export_arguments = exports.Arguments();
+    backend.with_mosaic = exports.DrawsLive();
     backend.port = port;
     backend.bind = options_.bind;
     backend.tell = [this](const std::string& line) { progress_->Say(line); };

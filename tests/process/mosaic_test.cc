@@ -122,6 +122,25 @@ TEST(Mosaic, FinalOrNone) {
   EXPECT_FALSE(fs::exists(folder / "none/mosaic.tif"));
   EXPECT_EQ(Call({"run", kFlight + "video.mp4", "--out", folder / "x", "--mosaic", "later"}).exit_code, 2);
 
+  // A map that is merged anew has what it had, unless told.
+  const auto merge = [&](const std::string& out, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"merge", out};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    ASSERT_EQ(Call(arguments).exit_code, 0);
+  };
+  merge(folder / "none", {});
+  EXPECT_FALSE(fs::exists(folder / "none/mosaic.mbtiles"));
+  EXPECT_FALSE(fs::exists(folder / "none/mosaic.tif"));
+  merge(folder / "none", {"--mosaic", "live"});
+  EXPECT_TRUE(fs::exists(folder / "none/mosaic.mbtiles"));
+  EXPECT_TRUE(fs::exists(folder / "none/mosaic.tif"));
+  merge(folder / "none", {"--mosaic", "none"});
+  for (const char* file : {"mosaic.mbtiles", "mosaic.tif", "mosaic.png", "coverage.png"})
+    EXPECT_FALSE(fs::exists(folder / (std::string("none/") + file))) << file << " is of the map as it was";
+  merge(folder / "final", {});
+  EXPECT_FALSE(fs::exists(folder / "final/mosaic.mbtiles"));
+  EXPECT_TRUE(fs::exists(folder / "final/mosaic.tif"));
+
   // The command, on a map that has one.
   const nlohmann::json before = Summary(folder / "final").at("mosaic");
   const double gsd = before.at("gsd"), west = before.at("west"), north = before.at("north");
