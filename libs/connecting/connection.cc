@@ -8,6 +8,7 @@
 #include "libs/base/median.h"
 #include "libs/base/text_format.h"
 #include "libs/connecting/connection_strength.h"
+#include "libs/connecting/seam.h"
 
 namespace mapmend {
 namespace {
@@ -89,6 +90,12 @@ void EstimateWide(const Submap& a, const ConnectionOptions& options, Connection*
     return;
   }
   c->verdict = Connection::Verdict::kAccepted;
+}
+
+// Says so where the edge leaves much open: it is used all the same, since nothing better is known.
+void JudgeSeam(const Submap& a, const Submap& b, const ConnectionOptions& options, Connection* c) {
+  const FarEnd far_end = FindFarEnd(a, b, c->b_from_a, TransformCovariance(c->information, c->median_error_px));
+  if (far_end.share > options.max_far_end) c->reason += DescribeWeakness(far_end);
 }
 
 // Evidence that agrees with one piece of it, the leader.
@@ -181,6 +188,7 @@ void EstimateConnection(const SubmapView& a, const SubmapView& b, const Connecti
       std::any_of(c->evidence.begin(), c->evidence.end(), [](const ConnectedFrames& e) { return e.wide != nullptr; });
   if (c->is_wide) {
     EstimateWide(*a.submap, options, c);
+    if (c->verdict == Connection::Verdict::kAccepted) JudgeSeam(*a.submap, *b.submap, options, c);
     return;
   }
 
@@ -199,6 +207,7 @@ void EstimateConnection(const SubmapView& a, const SubmapView& b, const Connecti
              c->num_connected_frames, c->num_candidates, c->num_common_points, c->b_from_a.scale, c->median_error_px);
   const int set_aside = static_cast<int>(c->evidence.size()) - c->num_connected_frames;
   if (set_aside > 0) c->reason += Format("; %d more contradict it and are set aside", set_aside);
+  JudgeSeam(*a.submap, *b.submap, options, c);
 }
 
 }  // namespace mapmend

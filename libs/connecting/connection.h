@@ -35,6 +35,8 @@ struct ConnectionOptions {
   double max_disagreement_px = 40;
   double min_strength = 2;           // C_min; weaker edges are rejected
   double drift_squared_error = 900;  // sigma^2; within it all evidence takes part in the joint estimate
+  // Of the extent of a submap: an edge that leaves its far end open by more, one standard deviation, is told as weak.
+  double max_far_end = 0.02;
   Sim3RefinementOptions refinement;
 
   template <typename Visitor>
@@ -42,6 +44,7 @@ struct ConnectionOptions {
     v("max_disagreement_px", max_disagreement_px, MoreThan(0), "pixels");
     v("min_strength", min_strength, AtLeast(0));
     v("drift_squared_error", drift_squared_error, MoreThan(0), "sigma^2");
+    v("max_far_end", max_far_end, MoreThan(0), "of a submap's extent");
     v("refinement", refinement);
   }
 };

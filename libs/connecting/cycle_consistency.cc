@@ -23,9 +23,7 @@ Eigen::Vector3d Centroid(const std::vector<Eigen::Vector3d>& points) {
 double PlacementSigma(const CycleEdge& edge, const Eigen::Vector3d& x_a) {
   const Eigen::LDLT<Matrix7d> ldlt(edge.information);
   if (!ldlt.isPositive() || ldlt.vectorD().minCoeff() <= 0) return 0;
-  const Eigen::Vector3d v = edge.b_from_a.scale * (edge.b_from_a.rotation * x_a);
-  Eigen::Matrix<double, 3, 7> J;
-  J << 0, v.z(), -v.y(), 1, 0, 0, v.x(), -v.z(), 0, v.x(), 0, 1, 0, v.y(), v.y(), -v.x(), 0, 0, 0, 1, v.z();
+  const Eigen::Matrix<double, 3, 7> J = PlaceJacobian(edge.b_from_a, x_a);
   const Eigen::Matrix3d covariance = J * ldlt.solve(J.transpose());
   return std::sqrt(std::max(0.0, covariance.trace() / 3));
 }

@@ -12,7 +12,6 @@
 #include "libs/base/options.h"
 #include "libs/base/text_format.h"
 #include "libs/connecting/connection.h"
-#include "libs/geometry/skew.h"
 
 namespace mapmend {
 namespace {
@@ -78,9 +77,7 @@ Uncertainty Uncertain(const WideSide& a, const WideRegistration& r) {
   const Matrix7d covariance = r.information.inverse();
   double largest = 0;
   for (const int frame : {0, static_cast<int>(a.frames.size()) - 1}) {
-    const Eigen::Vector3d v = r.b_from_a.scale * (r.b_from_a.rotation * a.frames[frame].cam_from_submap.Center());
-    Eigen::Matrix<double, 3, 7> J;
-    J << -Skew(v), Eigen::Matrix3d::Identity(), v;
+    const Eigen::Matrix<double, 3, 7> J = PlaceJacobian(r.b_from_a, a.frames[frame].cam_from_submap.Center());
     const double sigma = std::sqrt(std::max(0.0, (J * covariance * J.transpose()).trace()));
     const double depth = std::max(r.b_from_a.scale * MedianDepthInFrame(a, frame), 1e-12);
     const double share = sigma / depth;

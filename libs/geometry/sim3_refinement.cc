@@ -170,6 +170,13 @@ Vector7d Difference(const Similarity3& from, const Similarity3& to) {
   return d;
 }
 
+Eigen::Matrix<double, 3, 7> PlaceJacobian(const Similarity3& b_from_a, const Eigen::Vector3d& point_in_a) {
+  const Eigen::Vector3d turned = b_from_a.scale * (b_from_a.rotation * point_in_a);
+  Eigen::Matrix<double, 3, 7> jacobian;
+  jacobian << -Skew(turned), Eigen::Matrix3d::Identity(), turned;
+  return jacobian;
+}
+
 bool ResidualAInB(const CrossObservation& o, const Similarity3& b_from_a, Eigen::Vector2d* residual,
                   Eigen::Matrix<double, 2, 7>* jacobian) {
   // x = exp(lambda) exp(omega) v + t + upsilon with v = s R p.

@@ -20,6 +20,9 @@ Similarity3 Perturb(const Similarity3& b_from_a, const Vector7d& d);
 // The d with Perturb(from, d) = to.
 Vector7d Difference(const Similarity3& from, const Similarity3& to);
 
+// Derivative of where b_from_a puts a point, by d.
+Eigen::Matrix<double, 3, 7> PlaceJacobian(const Similarity3& b_from_a, const Eigen::Vector3d& point_in_a);
+
 // Residual (predicted - seen) / sigma of a point of a seen in b, and its derivative by d. False behind the camera.
 bool ResidualAInB(const CrossObservation& o, const Similarity3& b_from_a, Eigen::Vector2d* residual,
                   Eigen::Matrix<double, 2, 7>* jacobian);

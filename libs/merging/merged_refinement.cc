@@ -13,6 +13,10 @@
 namespace mapmend {
 namespace {
 
+RelationSigmas LargerOf(const RelationSigmas& a, const RelationSigmas& b) {
+  return {std::max(a.rotation, b.rotation), std::max(a.translation, b.translation), std::max(a.scale, b.scale)};
+}
+
 std::vector<PoseGraphEdge> Relations(const MergedMap& map, const std::vector<RefinementLink>& links,
                                      const KeyframeRelationOptions& options) {
   std::vector<PoseGraphEdge> edges;
@@ -26,7 +30,7 @@ std::vector<PoseGraphEdge> Relations(const MergedMap& map, const std::vector<Ref
     if (a < 0 || b < 0) continue;  // culled since
     edges.push_back(VerifiedRelation(*map.submaps[link.submap_a].submap, link.keyframe_a, a,
                                      *map.submaps[link.submap_b].submap, link.keyframe_b, b, link.b_from_a,
-                                     options.verified));
+                                     LargerOf(link.sigmas, options.verified)));
     edges.back().robust = link.robust;
   }
   return edges;

@@ -24,6 +24,8 @@ struct RefinementLink {
   Similarity3 b_from_a;                                    // between the raw submap frames
   bool robust = true;                                      // may be wrong; false: known to agree with all the others
   std::shared_ptr<const WideCommonPoints> wide = nullptr;  // what wide features see on both sides; null: nothing
+  // What the evidence itself leaves open; never taken for less than KeyframeRelationOptions::verified.
+  RelationSigmas sigmas = {0, 0, 0};
 };
 
 struct MergedRefinementOptions {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "libs/base/options.h"
+#include "libs/connecting/seam.h"
 
 namespace mapmend {
 namespace {
@@ -37,18 +38,29 @@ int NumJoinedKeyframes(const Sessions& sessions, const ConnectionGraph& graph) {
   return num_keyframes;
 }
 
+// What one piece of evidence leaves open. All pieces of a wide connection are one estimate, of which each has its part.
+RelationSigmas EvidenceSigmas(const Submap& older, const Submap& younger, const Connection& connection,
+                              const ConnectedFrames& e) {
+  Matrix7d covariance = TransformCovariance(e.information, e.median_error_px);
+  if (e.wide != nullptr) covariance *= connection.num_connected_frames;
+  return SigmasAt(e.b_from_a, covariance, older.keyframes.at(e.keyframe_a).cam_from_submap.Center(),
+                  std::max(1e-9, MedianDepth(younger, younger.keyframes.at(e.keyframe_b))));
+}
+
 // The evidence that agrees, of connections and loops that are used.
 void AddLinks(const Sessions& sessions, const ConnectionGraph& graph, const std::map<SubmapKey, int>& index,
-              std::vector<RefinementTask::Link>* links) {
+              std::vector<RefinementLink>* links) {
   for (const auto& [pair, connection] : graph.connections()) {
     if (connection.verdict != Connection::Verdict::kAccepted) continue;
+    const Submap &older = *ViewSubmap(sessions, pair.older).submap,
+                 &younger = *ViewSubmap(sessions, pair.younger).submap;
     for (size_t i = 0; i < connection.evidence.size(); ++i) {
       const ConnectedFrames& e = connection.evidence[i];
-      const bool was_culled = !ViewSubmap(sessions, pair.older).submap->keyframes.contains(e.keyframe_a) ||
-                              !ViewSubmap(sessions, pair.younger).submap->keyframes.contains(e.keyframe_b);
-      if (connection.agrees[i] && !was_culled)
-        links->push_back(
-            {index.at(pair.older), index.at(pair.younger), e.keyframe_a, e.keyframe_b, e.b_from_a, true, e.wide});
+      const bool was_culled = !older.keyframes.contains(e.keyframe_a) || !younger.keyframes.contains(e.keyframe_b);
+      if (connection.agrees[i] && !was_culled) {
+        links->push_back({index.at(pair.older), index.at(pair.younger), e.keyframe_a, e.keyframe_b, e.b_from_a, true,
+                          e.wide, EvidenceSigmas(older, younger, connection, e)});
+      }
     }
   }
   for (const auto& [key, loops] : graph.loops()) {

@@ -49,10 +49,10 @@ RefinementOutcome RunRefinement(const RefinementTask& task, const std::function<
       root_from_submap.push_back(place.root_from_submap);
     }
     std::vector<RefinementLink> links;
-    for (const RefinementTask::Link& link : task.links) {
-      const int a = local[link.submap_a], b = local[link.submap_b];
-      if (a >= 0 && b >= 0)
-        links.push_back({a, b, link.keyframe_a, link.keyframe_b, link.b_from_a, link.robust, link.wide});
+    for (RefinementLink link : task.links) {
+      link.submap_a = local[link.submap_a];
+      link.submap_b = local[link.submap_b];
+      if (link.submap_a >= 0 && link.submap_b >= 0) links.push_back(std::move(link));
     }
     OpenFeatureSource open_features;
     if (open) open_features = [&] { return std::make_unique<StoredFeatures>(open(), &sessions); };

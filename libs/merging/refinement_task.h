@@ -23,17 +23,10 @@ struct RefinementTask {
     Pyramid pyramid;
     Camera real;
   };
-  struct Link {
-    int submap_a = -1, submap_b = -1;  // indices into parts; equal for a loop within a submap
-    KeyframeId keyframe_a, keyframe_b;
-    Similarity3 b_from_a;
-    bool robust = true;  // as RefinementLink
-    std::shared_ptr<const WideCommonPoints> wide = nullptr;
-  };
-  MergedTransforms transforms;  // where the tree puts every submap
-  std::vector<Part> parts;      // as transforms.submaps
-  std::vector<Link> links;
-  FlightPositions positions;  // by session
+  MergedTransforms transforms;        // where the tree puts every submap
+  std::vector<Part> parts;            // as transforms.submaps
+  std::vector<RefinementLink> links;  // submaps are indices into parts
+  FlightPositions positions;          // by session
   MergedRefinementOptions options;
   int64_t state = 0;  // of the merger when the task was made
   bool is_final = false;

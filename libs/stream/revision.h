@@ -45,6 +45,10 @@ struct EvaluatedConnection {
 // it.
 inline constexpr char kWideReason[] = "wide features: ";
 bool IsWide(const EvaluatedConnection& connection);
+// Likewise stands in the reason of a connection that is used although its own uncertainty moves the far end of a submap
+// visibly.
+inline constexpr char kWeakReason[] = "; weak: ";
+bool IsWeak(const EvaluatedConnection& connection);
 // How a connection was found: "orb", or "wide".
 const char* KindOf(const EvaluatedConnection& connection);
 // "accepted", "rejected", "deactivated".

@@ -54,6 +54,16 @@ std::string DescribeMosaic(const OrderedJson& mosaic) {
   return mosaic.value("unit", "") == "m" ? size + Format(" of %.2g m", Number(mosaic, "gsd")) : size;
 }
 
+// "; weak: 2–3" of connections that hold the map together, though loosely; empty: there are none.
+std::string DescribeWeak(const OrderedJson& summary) {
+  std::string weak;
+  for (const OrderedJson& c : summary.value("connections", OrderedJson::array())) {
+    if (!c.value("in_tree", false) || !c.value("weak", false)) continue;
+    weak += (weak.empty() ? "" : ", ") + Format("%d–%d", Count(c, "a"), Count(c, "b"));
+  }
+  return weak.empty() ? "" : "; weak: " + weak + " (the report says how weak)";
+}
+
 // "2: after frame 73 (too few matches), after frame 140 (darkness)".
 std::string DescribeLosses(const OrderedJson& summary) {
   constexpr int kNamed = 3;
@@ -118,7 +128,8 @@ class SummaryTable {
     Add("submaps",
         Format("%zu in ", Size(summary_, "submaps")) + (parts == 1 ? "one piece" : Format("%zu parts", parts)));
     Add("connections",
-        Format("%d accepted of %zu evaluated", NumAccepted("connections"), Size(summary_, "connections")));
+        Format("%d accepted of %zu evaluated", NumAccepted("connections"), Size(summary_, "connections")) +
+            DescribeWeak(summary_));
     if (const int loops = NumAccepted("loops"); loops > 0) Add("loops", "closed within " + Plural(loops, "submap"));
     Add("keyframes", Format("%d of %d in the main map, %d points", Count(summary_, "keyframes_in_main"),
                             Count(summary_, "keyframes_total"), Count(summary_, "points_in_main")));

@@ -24,7 +24,7 @@ std::string EdgeLabel(const EvaluatedConnection& c) {
   char text[128];
   std::snprintf(text, sizeof(text), "F %d  M %d  θ %.1f°\\nC %.1f", c.num_connected_frames, c.num_common_points,
                 c.median_angle_deg, c.strength);
-  return text + std::string(IsWide(c) ? "\\nwide" : "");
+  return text + std::string(IsWide(c) ? "\\nwide" : "") + (IsWeak(c) ? "\\nweak" : "");
 }
 
 }  // namespace

@@ -199,6 +199,7 @@ Json DescribeEdge(const MapModel& model, const EvaluatedConnection& c, bool disa
           {"b", PageKey(model, c.b)},
           {"verdict", ToString(c.verdict)},
           {"kind", KindOf(c)},
+          {"weak", IsWeak(c)},
           {"reason", c.reason},
           {"tree", c.in_tree},
           {"F", c.num_connected_frames},

@@ -310,7 +310,7 @@ std::string ConnectionTable(const Json& s) {
     const bool measured = c["inliers"].get<int64_t>() > 0;
     html += "<tr><td>" + Chip(c["a"]) + "–" + Chip(c["b"]) + "</td><td class=\"text\"><span class=\"verdict " +
             EscapeXml(tree ? "tree" : verdict) + "\">" + EscapeXml(tree ? "joined, in the tree" : verdict) +
-            "</span></td>";
+            (c.value("weak", false) ? ", weak" : "") + "</span></td>";
     html += "<td>" + Int(c["F"]) + "</td><td>" + Int(c["M"]) + "</td><td>" + Fixed(c["theta_deg"], 1) + "°</td><td>" +
             Fixed(c["C"], 1) + "</td><td>" + Int(c["inliers"]) + "</td><td>" + Int(c["candidates"]) + "</td><td>" +
             (measured ? Fixed(c["reprojection_error_px"], 2) + " px" : "–") + "</td><td>" +
@@ -325,6 +325,8 @@ std::string ConnectionTable(const Json& s) {
       "at most 45°. "
       "<b>C</b> = F + 0.1 M + 0.1 θ², the strength of the connection; the tree takes the strongest connections that "
       "close no loop. "
+      "<b>Weak</b>: used, but what it leaves open moves the far end of a submap by more than 2 % of its extent; fly "
+      "over the place again if the map has to be exact beyond it. "
       "<b>Candidates</b> pairs of keyframes that looked alike. <b>Error</b> median reprojection error. <b>Scale</b> of "
       "the second "
       "submap's units against the first's.</p>\n";

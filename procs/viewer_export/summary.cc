@@ -131,6 +131,7 @@ OrderedJson Connections(const Snapshot& snapshot, const std::vector<GraphEdge>& 
                            {"reprojection_error_px", c.median_error_px},
                            {"verdict", ToString(c.verdict)},
                            {"kind", KindOf(c)},
+                           {"weak", IsWeak(c)},
                            {"reason", c.reason},
                            {"in_tree", c.in_tree}});
   }

@@ -204,6 +204,18 @@ TEST(Sim3Refinement, JacobiansAreTheNumericDerivatives) {
   }
 }
 
+TEST(Sim3Refinement, JacobianOfAPlaceIsTheNumericDerivative) {
+  const Similarity3 t = Perturb(Truth(), (Vector7d() << 0.02, -0.01, 0.03, 0.1, -0.05, 0.07, 0.04).finished());
+  const Eigen::Vector3d point(3, -2, 7);
+  constexpr double h = 1e-6;
+  const Eigen::Matrix<double, 3, 7> J = PlaceJacobian(t, point);
+  for (int i = 0; i < 7; ++i) {
+    Vector7d d = Vector7d::Zero();
+    d(i) = h;
+    EXPECT_LT((J.col(i) - (Perturb(t, d) * point - Perturb(t, -d) * point) / (2 * h)).norm(), 1e-6) << i;
+  }
+}
+
 TEST(Sim3Refinement, DifferenceInvertsPerturb) {
   const Vector7d d = (Vector7d() << 0.4, -0.2, 0.3, 1, -2, 0.5, -0.3).finished();
   EXPECT_LT((Difference(Truth(), Perturb(Truth(), d)) - d).norm(), 1e-12);

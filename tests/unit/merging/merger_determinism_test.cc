@@ -272,7 +272,7 @@ TEST(MergerDeterminism, ARefinementLeavesOutEvidenceWhoseKeyframeWasCulled) {
   const RefinementTask task = merger.MakeRefinement();
   EXPECT_LT(task.links.size(), num_links);
   EXPECT_GE(task.links.size(), 1u);
-  for (const RefinementTask::Link& link : task.links) {
+  for (const RefinementLink& link : task.links) {
     EXPECT_TRUE(task.parts[link.submap_a].submap->keyframes.contains(link.keyframe_a));
     EXPECT_TRUE(task.parts[link.submap_b].submap->keyframes.contains(link.keyframe_b));
   }

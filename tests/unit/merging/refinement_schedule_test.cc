@@ -112,7 +112,7 @@ TEST_F(RefinementScheduleTest, ATaskHoldsTheEvidenceThatAgreesAndIsStillThere) {
   sessions_.at("s").submaps.at(SubmapId(1)).keyframes.erase(culled);
   const RefinementTask task = Begin();
   EXPECT_LT(task.links.size(), num_links);
-  for (const RefinementTask::Link& link : task.links) EXPECT_NE(link.keyframe_b, culled);
+  for (const RefinementLink& link : task.links) EXPECT_NE(link.keyframe_b, culled);
 }
 
 TEST_F(RefinementScheduleTest, ComponentsAreNumberedByTheFramesTheyHold) {

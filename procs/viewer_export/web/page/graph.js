@@ -4,7 +4,7 @@ import {at, chip, element, svg} from "/page/words.js";
 const kRow = 46, kTop = 26, kX = 30, kRadius = 13;
 
 export const edgeText = e => `F ${e.F} · M ${e.M} · θ ${e.theta.toFixed(1)}° · C ${e.C.toFixed(1)}`;
-export const verdictText = e => e.disabled ? "switched off" : e.tree ? "in the tree" : e.verdict;
+export const verdictText = e => (e.disabled ? "switched off" : e.tree ? "in the tree" : e.verdict) + (e.weak ? ", weak" : "");
 
 export class Graph {
   constructor(map, onEdge) {
