@@ -45,7 +45,10 @@ GroundBounds BoundsOf(const std::vector<Eigen::Vector2d>& places) {
 
 GroundScene::GroundScene(const GroundSceneOptions& options, std::vector<MosaicImage> images,
                          const std::vector<Eigen::Vector3d>& points)
-    : options_(options), images_(std::move(images)), excluded_(images_.size(), false) {
+    : options_(options),
+      images_(std::move(images)),
+      excluded_(images_.size(), false),
+      is_leading_(images_.size(), true) {
   for (size_t i = 0; i < images_.size(); ++i) {
     if (images_[i].id < 0) images_[i].id = static_cast<int>(i);
   }
@@ -66,6 +69,33 @@ GroundScene::GroundScene(const GroundSceneOptions& options, std::vector<MosaicIm
     footprints_.push_back(BoundsOf(view.Footprint(surface_)));
     gsds_.push_back(view.GroundSampleDistance(surface_));
   }
+  ChooseLeading();
+}
+
+// Those that were leading before, then by age: each that has none beside it.
+void GroundScene::ChooseLeading() {
+  is_leading_.assign(images_.size(), false);
+  std::vector<int> leading;
+  for (const bool before : {true, false}) {
+    for (int i = 0; i < NumImages(); ++i) {
+      if (Image(i).was_leading != before ||
+          std::any_of(leading.begin(), leading.end(), [&](int other) { return IsBeside(i, other); }))
+        continue;
+      is_leading_[static_cast<size_t>(i)] = true;
+      leading.push_back(i);
+    }
+  }
+}
+
+// Whether two images were taken from nearly the same place in nearly the same direction.
+bool GroundScene::IsBeside(int image, int other) const {
+  constexpr double kAlikeGsd = 1.15, kAlikeAngle = 0.17;  // 10 degrees
+  const Camera& camera = Image(image).camera;
+  const double side = Gsd(image) * std::min(camera.width, camera.height);
+  if ((View(image).Center() - View(other).Center()).norm() >= options_.spacing * side) return false;
+  const Eigen::Quaterniond &a = Image(image).cam_from_ground.rotation, &b = Image(other).cam_from_ground.rotation;
+  return a.angularDistance(b) < kAlikeAngle && Gsd(image) < kAlikeGsd * Gsd(other) &&
+         Gsd(other) < kAlikeGsd * Gsd(image);
 }
 
 // Images of one camera share what is worked out of it.

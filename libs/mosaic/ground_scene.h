@@ -16,12 +16,16 @@ struct GroundSceneOptions {
   GroundSurfaceOptions surface;
   double max_tilt_deg = 60;  // of the optical axes' median from straight down; beyond, it is not the ground
   double max_relief = 0.5;   // of the height above the ground: median distance of points from the surface
+  // Of images that lie closer together than this, of the shorter side of the ground that they show, and look alike, one
+  // leads. 0: all do.
+  double spacing = 0.2;
 
   template <typename Visitor>
   void Visit(Visitor& v) {
     v("surface", surface);
     v("max_tilt_deg", max_tilt_deg, Range(0, 90), "degrees");
     v("max_relief", max_relief, MoreThan(0), "of the height above the ground");
+    v("spacing", spacing, Range(0, 1), "of the shorter side of an image on the ground");
   }
 };
 
@@ -29,7 +33,8 @@ struct MosaicImage {
   Camera camera;
   Rigid3 cam_from_ground;  // z of the ground's frame points up
   ReadoutMotion motion = {};
-  int id = -1;  // by which an ImageCache knows it; -1: its index
+  int id = -1;               // by which an ImageCache knows it; -1: its index
+  bool was_leading = false;  // in an earlier scene, which decides between neighbours: so that little changes
 };
 
 // The ground, and the images that show it: all that a picture of it is made from, but for the pixels.
@@ -45,6 +50,11 @@ class GroundScene {
   int NumImages() const { return static_cast<int>(images_.size()); }
   const MosaicImage& Image(int image) const { return images_[static_cast<size_t>(image)]; }
   const GroundView& View(int image) const { return views_[static_cast<size_t>(image)]; }
+  // A flight that takes many images of each place needs few of them: others than the leading ones count for little, so
+  // that they show only what no leading one shows but with its border.
+  bool IsLeading(int image) const { return is_leading_[static_cast<size_t>(image)]; }
+  double Weight(int image) const { return IsLeading(image) ? 1 : kWeightBesideLeading; }
+  static constexpr double kWeightBesideLeading = 0.3;
   // Around all that the image shows.
   const GroundBounds& Footprint(int image) const { return footprints_[static_cast<size_t>(image)]; }
   // Around the footprints of all images that are not excluded.
@@ -67,6 +77,8 @@ class GroundScene {
 
  private:
   void MakeViews();
+  void ChooseLeading();
+  bool IsBeside(int image, int other) const;
   void FitSurface(const std::vector<Eigen::Vector3d>& points);
 
   GroundSceneOptions options_;
@@ -74,7 +86,7 @@ class GroundScene {
   std::vector<GroundView> views_;
   std::vector<GroundBounds> footprints_;
   std::vector<double> gsds_;
-  std::vector<bool> excluded_;
+  std::vector<bool> excluded_, is_leading_;
   std::string problem_;
   GroundSurface surface_;
   Exposure exposure_;

@@ -11,7 +11,7 @@ constexpr float kUnseen = -1e6F;  // pixels inside the image
 // What one image shows at places kChoiceStep apart.
 struct NodeSights {
   int image = -1;
-  cv::Mat steepness, inside;  // 32-bit float
+  cv::Mat steepness, inside;  // 32-bit float; the steepness by the image's weight
 };
 
 // The places, with the height of the surface.
@@ -28,11 +28,12 @@ class Lattice {
   NodeSights See(const GroundScene& scene, int image) const {
     NodeSights sights{image, cv::Mat(rows_, columns_, CV_32F), cv::Mat(rows_, columns_, CV_32F)};
     const GroundView& view = scene.View(image);
+    const double weight = scene.Weight(image);
     auto place = places_.begin();
     for (int row = 0; row < rows_; ++row) {
       for (int column = 0; column < columns_; ++column, ++place) {
         const auto sight = view.Project(*place);
-        sights.steepness.at<float>(row, column) = sight ? static_cast<float>(sight->steepness) : 0;
+        sights.steepness.at<float>(row, column) = sight ? static_cast<float>(weight * sight->steepness) : 0;
         sights.inside.at<float>(row, column) = sight ? static_cast<float>(sight->inside) : kUnseen;
       }
     }
@@ -44,6 +45,21 @@ class Lattice {
   int columns_, rows_;
   std::vector<Eigen::Vector3d> places_;
 };
+
+// Whether leading images show all of it, not with the outermost of their borders: then no other has a chance.
+bool LeadingAreEnough(const GroundScene& scene, const Lattice& lattice, const std::vector<NodeSights>& leading) {
+  constexpr double kChance = 0.4;  // of the quality without the border: enough, with GroundScene::kWeightBesideLeading
+  cv::Mat is_shown = cv::Mat::zeros(lattice.Size(), CV_8U);
+  for (const NodeSights& s : leading) {
+    for (int row = 0; row < is_shown.rows; ++row) {
+      for (int column = 0; column < is_shown.cols; ++column) {
+        const double steepness = s.steepness.at<float>(row, column), inside = s.inside.at<float>(row, column);
+        if (scene.View(s.image).Quality(steepness, inside) > kChance * steepness) is_shown.at<uint8_t>(row, column) = 1;
+      }
+    }
+  }
+  return cv::countNonZero(is_shown) == lattice.Size().area();
+}
 
 // Those that are the best at a place, or nearly so: nobody else is in between.
 std::vector<NodeSights> Competitive(const GroundScene& scene, const Lattice& lattice, std::vector<NodeSights> sights) {
@@ -109,10 +125,16 @@ ImageChoice ChooseImages(const GroundScene& scene, const GroundRaster& raster, c
   choice.label = cv::Mat(part.size(), CV_16S, cv::Scalar(-1));
   const Lattice lattice(scene, raster, part);
   std::vector<NodeSights> sights;
-  for (const int image : scene.Near(BoundsOf(raster, part))) {
-    NodeSights seen = lattice.See(scene, image);
-    if (cv::countNonZero(seen.inside > 0) > 0) sights.push_back(std::move(seen));
-  }
+  const std::vector<int> near = scene.Near(BoundsOf(raster, part));
+  const auto look = [&](bool leading) {
+    for (const int image : near) {
+      if (scene.IsLeading(image) != leading) continue;
+      NodeSights seen = lattice.See(scene, image);
+      if (cv::countNonZero(seen.inside > 0) > 0) sights.push_back(std::move(seen));
+    }
+  };
+  look(true);
+  if (!LeadingAreEnough(scene, lattice, sights)) look(false);
   cv::Mat best = cv::Mat::zeros(part.size(), CV_32F);
   for (const NodeSights& s : Competitive(scene, lattice, std::move(sights))) {
     Take(scene.View(s.image), s, &choice.label, &best);
@@ -123,6 +145,7 @@ ImageChoice ChooseImages(const GroundScene& scene, const GroundRaster& raster, c
     if (image >= 0) shows[static_cast<size_t>(image)] = true;
   });
   std::erase_if(choice.images, [&](int image) { return !shows[static_cast<size_t>(image)]; });
+  std::sort(choice.images.begin(), choice.images.end());
   return choice;
 }
 

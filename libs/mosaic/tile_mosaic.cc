@@ -74,6 +74,7 @@ void TileMosaic::SetScene(TileScene scene, const Eigen::Vector2d& focus, bool is
     pending_.clear();
     marked_.clear();
     seen_heights_.clear();
+    made_at_.clear();
   }
   is_final_ = is_final;
   scene_.zoom = scene.zoom;
@@ -146,18 +147,26 @@ void TileMosaic::Mark(const GroundBounds& ground) {
   }
 }
 
-// While the map grows: ground that is not shown yet, then what is nearest.
+// While the map grows: ground that is not shown yet, then what is nearest; what was made a moment ago waits.
 std::optional<TileAddress> TileMosaic::Next() const {
-  if (pending_.empty()) return std::nullopt;
-  const auto order = [&](const TileAddress& unit) {
-    const bool is_shown = made_.contains(unit);
-    const GroundBounds bounds = scene_.plane.ToGround(BoundsOf(unit));
-    const double distance = ((bounds.low + bounds.high) / 2 - focus_).norm();
-    return is_final_ ? std::make_tuple(0, 0.0, MortonIndex(unit))
-                     : std::make_tuple(is_shown ? 1 : 0, distance, MortonIndex(unit));
-  };
-  return *std::min_element(pending_.begin(), pending_.end(),
-                           [&](const TileAddress& a, const TileAddress& b) { return order(a) < order(b); });
+  using Order = std::tuple<int, double, uint64_t>;
+  const auto now = std::chrono::steady_clock::now();
+  const std::chrono::duration<double> least(options_.min_remake_s);
+  std::optional<TileAddress> next;
+  Order least_order;
+  for (const TileAddress& unit : pending_) {
+    Order order(0, 0.0, MortonIndex(unit));
+    if (!is_final_) {
+      const auto at = made_at_.find(unit);
+      if (at != made_at_.end() && now - at->second < least) continue;
+      const GroundBounds bounds = scene_.plane.ToGround(BoundsOf(unit));
+      order = {made_.contains(unit) ? 1 : 0, ((bounds.low + bounds.high) / 2 - focus_).norm(), MortonIndex(unit)};
+    }
+    if (next && least_order <= order) continue;
+    next = unit;
+    least_order = order;
+  }
+  return next;
 }
 
 bool TileMosaic::IsDone(const TileAddress& unit) const {
@@ -203,6 +212,7 @@ void TileMosaic::Make(const TileAddress& unit, TileFile::Changes* changes) {
     changes->tiles[unit.Child(i)] = EncodeTile(picture(at));
   }
   changes->notes[unit] = recipe.images.empty() ? "" : recipe.ToText();
+  made_at_[unit] = std::chrono::steady_clock::now();
   ++num_made_;
 }
 
@@ -234,10 +244,14 @@ void TileMosaic::Work(std::chrono::steady_clock::time_point until) {
 }
 
 // Each of them is part of many finer ones: not with each of these.
-void TileMosaic::UpdateCoarser() {
+bool TileMosaic::MayUpdateCoarser() const {
   constexpr auto kInterval = std::chrono::seconds(2);
-  const auto now = std::chrono::steady_clock::now();
-  if (!is_coarser_stale_ || scene_.zoom == 0 || (!pending_.empty() && now - coarser_updated_ < kInterval)) return;
+  if (!is_coarser_stale_ || scene_.zoom == 0) return false;
+  return pending_.empty() || std::chrono::steady_clock::now() - coarser_updated_ >= kInterval;
+}
+
+void TileMosaic::UpdateCoarser() {
+  if (!MayUpdateCoarser()) return;
   file_->UpdateCoarser(std::max(0, scene_.zoom - options_.num_zooms + 1));
   is_coarser_stale_ = false;
   coarser_updated_ = std::chrono::steady_clock::now();

@@ -20,6 +20,9 @@ struct TileMosaicOptions {
   int max_cached_megabytes = 100;  // of decoded images
   int num_zooms = 9;               // of the pyramid, from the finest
   int hatch_px = 24;               // distance of the lines over parts that are not joined
+  // While the map grows a unit is made anew at most so often: the ground at the edge of what is seen changes with every
+  // image.
+  double min_remake_s = 2;
 
   template <typename Visitor>
   void Visit(Visitor& v) {
@@ -28,6 +31,7 @@ struct TileMosaicOptions {
     v("max_cached_megabytes", max_cached_megabytes, Range(1, 1e6), "MB");
     v("num_zooms", num_zooms, Range(1, kMaxZoom));
     v("hatch_px", hatch_px, Range(4, 1024), "pixels");
+    v("min_remake_s", min_remake_s, AtLeast(0), "s");
   }
 };
 
@@ -48,6 +52,8 @@ class TileMosaic {
 
   // Units to be looked at; one more while coarser tiles are out of date.
   int NumPending() const { return static_cast<int>(pending_.size()) + (is_coarser_stale_ && scene_.zoom > 0 ? 1 : 0); }
+  // Whether Work has anything to do now: units that were made a moment ago wait.
+  bool HasWork() const { return Next().has_value() || MayUpdateCoarser(); }
   // Looks at units, and makes those that need it, until then; at least one. Throws what `read` throws.
   void Work(std::chrono::steady_clock::time_point until);
   int64_t NumMade() const { return num_made_; }  // units
@@ -63,6 +69,7 @@ class TileMosaic {
   bool IsDone(const TileAddress& unit) const;
   void Make(const TileAddress& unit, TileFile::Changes* changes);
   cv::Mat Picture(const TileAddress& unit);
+  bool MayUpdateCoarser() const;
   void UpdateCoarser();
   int UnitZoom() const { return scene_.zoom - 1; }
 
@@ -74,6 +81,7 @@ class TileMosaic {
   bool is_final_ = false;
   std::set<TileAddress> pending_;
   std::map<TileAddress, TileRecipe> made_;
+  std::map<TileAddress, std::chrono::steady_clock::time_point> made_at_;  // by this process
   std::map<Key, GroundView> marked_;                          // images where they were when units were marked for them
   std::map<TileAddress, std::array<float, 9>> seen_heights_;  // of the surface, likewise
   int64_t num_made_ = 0;

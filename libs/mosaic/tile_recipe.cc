@@ -33,6 +33,7 @@ class Fingerprint {
 void AddImage(const GroundScene& scene, int index, Fingerprint* fingerprint) {
   const MosaicImage& image = scene.Image(index);
   const Camera& camera = image.camera;
+  fingerprint->Add(scene.Weight(index));
   for (const double value : {static_cast<double>(camera.model), static_cast<double>(camera.width),
                              static_cast<double>(camera.height), camera.fx, camera.fy, camera.cx, camera.cy})
     fingerprint->Add(value);
@@ -73,7 +74,7 @@ struct Best {
 double QualityOf(const GroundScene& scene, int image, const Eigen::Vector2d& place) {
   if (!Contains(scene.Footprint(image), place)) return 0;
   const auto sight = scene.View(image).See(scene.OnSurface(place));
-  return sight ? scene.View(image).Quality(sight->steepness, sight->inside) : 0;
+  return sight ? scene.Weight(image) * scene.View(image).Quality(sight->steepness, sight->inside) : 0;
 }
 
 Best BestAt(const TileScene& scene, const std::vector<std::vector<int>>& near, const Eigen::Vector2d& place) {

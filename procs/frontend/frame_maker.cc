@@ -67,7 +67,7 @@ FramePtr FrameMaker::Make(const SourceImage& image) const {
   auto frame = std::make_shared<Frame>();
   if (keep_images_) frame->image = KeptImage(grey);
   if (keep_originals_) {
-    frame->original = {image.jpeg, image.jpeg ? nullptr : image.pixels, image.pixels->cols, image.pixels->rows};
+    frame->original.Set({image.jpeg, image.jpeg ? nullptr : image.pixels, image.pixels->cols, image.pixels->rows});
   }
   frame->index = image.index;
   frame->utime = image.utime;

@@ -1,9 +1,7 @@
 #include "procs/frontend/image_spooler.h"
 
 #include <spdlog/spdlog.h>
-#include <sys/resource.h>
 #include <sys/statvfs.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -13,20 +11,17 @@
 #include <stdexcept>
 
 #include "libs/capture/decode_image.h"
+#include "procs/frontend/give_way.h"
 
 namespace mapmend {
-namespace {
-
-constexpr int kNicer = 5;  // than tracking
-
 int64_t SizeOf(const OriginalImage& original) {
+  if (original.encoded) return static_cast<int64_t>(original.encoded->bytes.size());
   if (original.jpeg) return static_cast<int64_t>(original.jpeg->size());
   return original.pixels ? static_cast<int64_t>(original.pixels->total() * original.pixels->elemSize()) : 0;
 }
 
-}  // namespace
-
 KeyframeImage EncodeImage(const OriginalImage& original, int width, int quality) {
+  if (original.encoded) return *original.encoded;
   KeyframeImage image;
   const bool fits = width == kFullSize || original.width <= width;
   image.width = fits ? original.width : width;
@@ -156,7 +151,7 @@ void ImageSpooler::Spool(const Item& item) {
 }
 
 void ImageSpooler::Run() {
-  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), getpriority(PRIO_PROCESS, 0) + kNicer);
+  GiveWayToTracking();
   std::unique_lock lock(mutex_);
   for (;;) {
     changed_.wait(lock, [this] { return !queue_.empty() || stop_; });

@@ -65,6 +65,9 @@ class ImageSpooler {
   std::thread thread_;
 };
 
+// Bytes that it takes in memory.
+int64_t SizeOf(const OriginalImage& original);
+
 // The image as it is to be kept: a JPEG that is not too wide as it came, all else encoded. Throws std::runtime_error if
 // it cannot be.
 KeyframeImage EncodeImage(const OriginalImage& original, int width, int quality);

@@ -36,7 +36,10 @@ KeyframeImages::KeyframeImages(const RunOptions& options, const std::string& ses
     spdlog::error("{}; no images are kept", e.what());
     file_ = std::make_unique<ImageFile>("", ImageFile::Mode::kReadWrite);
   }
-  if (width != kNoImages) spooler_ = std::make_unique<ImageSpooler>(file_.get(), options.images, width);
+  if (width != kNoImages) {
+    spooler_ = std::make_unique<ImageSpooler>(file_.get(), options.images, width);
+    waiting_ = std::make_unique<WaitingImages>(options.images, width, options.mode == InputMode::kLockstep);
+  }
   ImageSenderOptions sender;
   sender.lcm_url = url_;
   sender.channel_prefix = channel_prefix_;
@@ -52,7 +55,7 @@ KeyframeImages::KeyframeImages(const RunOptions& options, const std::string& ses
 KeyframeImages::~KeyframeImages() = default;
 
 void KeyframeImages::Take(KeyframeId keyframe, int frame, int64_t utime, const OriginalImage& original) {
-  if (!original.jpeg && !original.pixels) return;
+  if (original.IsNone()) return;
   spooler_->Push({session_, keyframe, frame, utime, original});
 }
 

@@ -10,6 +10,7 @@
 #include "libs/images/image_sender.h"
 #include "procs/frontend/image_spooler.h"
 #include "procs/frontend/run_options.h"
+#include "procs/frontend/waiting_images.h"
 
 namespace mapmend {
 
@@ -24,6 +25,11 @@ class KeyframeImages {
   bool AreKept() const { return spooler_ != nullptr; }
   // Of a keyframe that is about to be published. Never waits.
   void Take(KeyframeId keyframe, int frame, int64_t utime, const OriginalImage& original);
+
+  // A frame without a pose waits for a submap to begin, and may become a keyframe of it.
+  void Wait(const FramePtr& frame) {
+    if (waiting_) waiting_->Add(frame);
+  }
 
   // Before a file is read on behalf of a frontend that was killed: which images neither the store has nor the spool.
   // They are taken from the frames that are passed over. Waits for the store's answer a while. Empty names are left
@@ -45,6 +51,7 @@ class KeyframeImages {
   std::atomic<bool> has_passed_all_{false};  // until then nobody knows which images there will be
   std::unique_ptr<ImageFile> file_;          // null without images
   std::unique_ptr<ImageSpooler> spooler_;    // the same
+  std::unique_ptr<WaitingImages> waiting_;   // the same
   std::unique_ptr<ImageSender> sender_;      // ends before them
   struct Lost {
     std::string session;

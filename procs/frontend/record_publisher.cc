@@ -150,7 +150,7 @@ RecordPublisher::Records RecordPublisher::Take(int64_t utime, KeyframeIndex last
     KeyframeRecord record = Describe(next_keyframe_, *map);
     const WorkingKeyframe& source = map->Keyframe(next_keyframe_);
     if (take_image_) take_image_(source.id, *source.frame);
-    source.frame->original = {};
+    source.frame->original.LetGo();
     map->MarkPublished(next_keyframe_);
     records.emplace_back(map->Keyframe(next_keyframe_).frame->utime, std::move(record));
   }

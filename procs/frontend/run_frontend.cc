@@ -269,7 +269,7 @@ FrontendRun::FrontendRun(const RunOptions& options, std::unique_ptr<ImageSource>
   if (local_bus_) health_.AlsoTo(local_bus_.get());
   if (images_.AreKept()) {
     frontend_.TakeImages([this](KeyframeId keyframe, const Frame& frame) {
-      images_.Take(keyframe, frame.index, frame.utime, frame.original);
+      images_.Take(keyframe, frame.index, frame.utime, frame.original.Get());
     });
   }
   if (!wants_wide_) return;
@@ -326,7 +326,8 @@ void FrontendRun::OnFrame(const FramePtr& frame) {
   if (num_frames_ == 1) images_.PassedAll();
   const FrameOutcome outcome = frontend_.ProcessFrame(frame);
   // Other frames may begin a submap later.
-  if (outcome.state == FrontendState::kTracking && !outcome.keyframe) frame->original = {};
+  if (outcome.state != FrontendState::kTracking) images_.Wait(frame);
+  if (outcome.state == FrontendState::kTracking && !outcome.keyframe) frame->original.LetGo();
   track_ms_.push_back(1e3 * outcome.tracking_s);
   bus_.Publish(channels::kFramePose, PoseOf(session_, *frame, outcome));
   spdlog::debug("frame {}: {} {} {} inliers{}; {} features, brightness {:.0f}, sharpness {:.1f}", frame->index,

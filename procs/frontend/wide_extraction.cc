@@ -1,11 +1,10 @@
 #include "procs/frontend/wide_extraction.h"
 
-#include <sys/resource.h>
-
 #include <algorithm>
 #include <opencv2/core.hpp>
 
 #include "libs/base/options.h"
+#include "procs/frontend/give_way.h"
 #include "procs/frontend/profiler.h"
 
 namespace mapmend {
@@ -37,9 +36,7 @@ void WideExtraction::Request(SubmapId submap, KeyframeId keyframe, const Frame& 
 }
 
 void WideExtraction::Run() {
-  // Tracking comes first: on Linux a thread has a priority of its own.
-  constexpr int kNicer = 5;
-  setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + kNicer);
+  GiveWayToTracking();
   std::unique_lock lock(mutex_);
   for (;;) {
     changed_.wait(lock, [this] { return stop_ || num_finished_ < jobs_.size(); });

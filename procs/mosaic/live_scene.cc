@@ -42,6 +42,7 @@ std::optional<TileComponent> LiveScene::MakeComponent(const Snapshot& snapshot, 
     MosaicImage one{LensOf(info.camera, info.pinhole).Resized(image.width, image.height),
                     TransformWorld(keyframe.cam_from_root, frame->ground_from_root)};
     one.id = id;
+    one.was_leading = !is_final && leading_.contains({part.name, id});
     const auto shutter = shutters_.find(session);
     if (shutter != shutters_.end())
       one.motion = {frame->ground_from_root.scale * moves[i].shift, moves[i].turn, shutter->second.by_columns};
@@ -55,6 +56,9 @@ std::optional<TileComponent> LiveScene::MakeComponent(const Snapshot& snapshot, 
   TileComponent component{part.name, index == 0, GroundScene(options_.ground, std::move(shown), points)};
   if (index == 0) problem_ = component.scene.Problem();
   if (!component.scene.Problem().empty()) return std::nullopt;
+  for (int i = 0; i < component.scene.NumImages(); ++i) {
+    if (component.scene.IsLeading(i)) leading_.emplace(part.name, component.scene.Image(i).id);
+  }
   exposure_.Apply(part.name, brightness, is_final, &component.scene);
   return component;
 }

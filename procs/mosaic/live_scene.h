@@ -1,7 +1,9 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "libs/base/range.h"
@@ -52,6 +54,7 @@ class LiveScene {
   const LiveSceneOptions options_;
   TileFrames frames_;
   LiveExposure exposure_;
+  std::set<std::pair<std::string, int>> leading_;  // part, image: GroundScene::IsLeading so far
   Eigen::Vector2d focus_ = Eigen::Vector2d::Zero();
   std::string problem_;
 };

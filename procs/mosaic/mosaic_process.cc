@@ -62,7 +62,7 @@ class MosaicLoop {
   void Run() {
     health_.SetState("ready");
     while (!StopRequested()) {
-      const bool is_busy = tiles_.NumPending() > 0;
+      const bool is_busy = tiles_.HasWork();
       const int delivered = consumer_.Spin(is_busy ? 1 : 50, kRecordsAtOnce);
       health_.Tick();
       if (file_.IsGone()) throw std::runtime_error(options_.out + ": was removed or replaced");
@@ -151,7 +151,7 @@ class MosaicLoop {
     AskImages();
     const bool is_final_near = IsFinalNear();
     LookAtMap(is_final_near);
-    if (tiles_.NumPending() == 0 || is_final_near) return;
+    if (!tiles_.HasWork() || is_final_near) return;
     tiles_.Work(Clock::now() + kWorkTime);
   }
 
@@ -188,8 +188,8 @@ class MosaicLoop {
   // Images that are to be drawn soon stay decoded.
   int ReadImages(const Snapshot& snapshot, bool is_final_near) {
     const auto keep = [this](int id, cv::Mat pixels) { tiles_.Keep(id, std::move(pixels)); };
-    const int num_read = is_final_near ? images_.Read(snapshot, kImagesAtOnce, {})
-                                       : images_.Read(snapshot, kImagesAtOnce, keep);
+    const int num_read =
+        is_final_near ? images_.Read(snapshot, kImagesAtOnce, {}) : images_.Read(snapshot, kImagesAtOnce, keep);
     has_more_images_ = num_read == kImagesAtOnce;
     return num_read;
   }

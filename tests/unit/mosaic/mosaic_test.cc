@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>
+#include <set>
 
+#include "libs/mosaic/brightness.h"
 #include "tests/unit/mosaic/synthetic_ground.h"
 
 namespace mapmend {
@@ -60,6 +62,31 @@ TEST(Mosaic, IsThePictureOfTheGround) {
   EXPECT_EQ(mosaic.NumMissing(), 0);
 }
 
+TEST(Mosaic, OfManyImagesOfOnePlaceFewAreUsedAndNothingIsMissing) {
+  std::vector<MosaicImage> images;
+  for (int i = 0; i < 40; ++i)
+    images.push_back({SyntheticGround::MakeCamera(), SyntheticGround::Above(0.25 * i, 0, 10, 0.002 * i)});
+  const auto draw = [&](double spacing, std::set<int>* used) {
+    MosaicOptions options;
+    options.scene.spacing = spacing;
+    Mosaic mosaic(options, images, SyntheticGround::Points(), [&](int i, int side) {
+      if (side != kBrightnessSide) used->insert(i);
+      return SyntheticGround::View(images[i]);
+    });
+    const Picture picture(&mosaic);
+    cv::Mat difference;
+    cv::absdiff(picture.color, Truth(mosaic.Raster()), difference);
+    EXPECT_LT(cv::mean(difference, picture.mask)[0], 1.5);
+    return picture.mask;
+  };
+  std::set<int> few, all;
+  const cv::Mat mask = draw(0.2, &few), whole = draw(0, &all);
+  EXPECT_LE(few.size(), 10u);
+  EXPECT_GE(all.size(), 35u);
+  // But for pixels at the very rim, between the places at which images are compared.
+  EXPECT_LT(cv::countNonZero(mask != whole), 0.003 * cv::countNonZero(whole));
+}
+
 TEST(Mosaic, ImagesExposedDifferentlyAreEvened) {
   const std::vector<MosaicImage> images = Images();
   Mosaic mosaic({}, images, SyntheticGround::Points(),
@@ -80,7 +107,8 @@ TEST(Mosaic, DoesNotDependOnItsBlocks) {
   const auto make = [&](int block) {
     MosaicOptions options;
     options.block = block;
-    Mosaic mosaic(options, images, SyntheticGround::Points(), [&](int i, int) { return SyntheticGround::View(images[i]); });
+    Mosaic mosaic(options, images, SyntheticGround::Points(),
+                  [&](int i, int) { return SyntheticGround::View(images[i]); });
     return Picture(&mosaic);
   };
   const Picture whole = make(4096), small = make(128);
@@ -135,8 +163,7 @@ TEST(Mosaic, CoverageCountsWhatEachImageSeesOfEachPlace) {
     int num_wrong = 0;
     for (int row = 0; row < coverage.rows; ++row) {
       for (int column = 0; column < coverage.cols; ++column) {
-        const Eigen::Vector3d place =
-            scene.OnSurface(mosaic.Raster().Place((column + 0.5) * step, (row + 0.5) * step));
+        const Eigen::Vector3d place = scene.OnSurface(mosaic.Raster().Place((column + 0.5) * step, (row + 0.5) * step));
         int count = 0;
         for (int i = 0; i < scene.NumImages(); ++i) count += scene.View(i).See(place) ? 1 : 0;
         num_wrong += count == coverage.at<uint16_t>(row, column) ? 0 : 1;

@@ -42,10 +42,16 @@ class Flight {
   }
 };
 
+TileMosaicOptions MadeAnewAtOnce(double min_remake_s = 0) {
+  TileMosaicOptions options;
+  options.min_remake_s = min_remake_s;
+  return options;
+}
+
 // A file of tiles with who makes them.
 struct Maker {
-  explicit Maker(const std::string& path)
-      : file(path), tiles({}, &file, [this](int id, int) {
+  explicit Maker(const std::string& path, const TileMosaicOptions& options = MadeAnewAtOnce())
+      : file(path), tiles(options, &file, [this](int id, int) {
           ++num_read;
           return SyntheticGround::View(Flight::Image(id));
         }) {}
@@ -103,6 +109,29 @@ TEST(TileMosaic, ShowsTheGround) {
   // 6 images of 10.7 x 8 m, 2.5 m apart, on tiles of 9.6 m.
   EXPECT_GE(num_finest, 6);
   EXPECT_LE(num_finest, 12);
+}
+
+TEST(TileMosaic, WhatWasMadeAMomentAgoWaitsUnlessTheMapIsFinal) {
+  constexpr double kAnHour = 3600;
+  const ScratchFolder folder;
+  Maker maker(folder.File("a.mbtiles"), MadeAnewAtOnce(kAnHour));
+  const auto work = [&] {
+    const int64_t before = maker.tiles.NumMade();
+    while (maker.tiles.HasWork()) maker.tiles.Work(Clock::now() + std::chrono::seconds(1));
+    return maker.tiles.NumMade() - before;
+  };
+  maker.tiles.SetScene(Flight::Scene({Flight::Part("a", 0, 20)}), {0, 0}, false);
+  const int64_t all = work();
+  EXPECT_GT(all, 0);
+  // A little further: some units show more, and one or two are new.
+  maker.tiles.SetScene(Flight::Scene({Flight::Part("a", 0, 23)}), {0, 0}, false);
+  const int64_t few = work();
+  EXPECT_GT(few, 0) << "ground that is not shown yet does not wait";
+  EXPECT_GT(maker.tiles.NumPending(), 0);
+  EXPECT_FALSE(maker.tiles.HasWork());
+  maker.tiles.SetScene(Flight::Scene({Flight::Part("a", 0, 23)}), {0, 0}, true);
+  EXPECT_GT(work(), 0) << "those that waited";
+  EXPECT_EQ(maker.tiles.NumPending(), 0);
 }
 
 TEST(TileMosaic, ANewImageChangesWhatItShowsAlone) {
