@@ -29,7 +29,8 @@ Matrix7d TransformCovariance(const Matrix7d& information, double median_error_px
   constexpr double kMedianOfSigma = 1.18;  // of the length of an error in two dimensions, sigma 1
   const double inflation = std::max(1.0, median_error_px / kMedianOfSigma);
   const Eigen::SelfAdjointEigenSolver<Matrix7d> eigen(information);
-  if (eigen.info() != Eigen::Success) return Matrix7d::Zero();
+  constexpr double kUnknown = 1e12;  // far beyond any variance that means something
+  if (eigen.info() != Eigen::Success) return kUnknown * Matrix7d::Identity();
   constexpr double kLeast = 1e-12;  // of the largest: beyond, nothing is known
   const double least = std::max(kLeast * eigen.eigenvalues().maxCoeff(), 1e-300);
   const Vector7d inverse = eigen.eigenvalues().cwiseMax(least).cwiseInverse();

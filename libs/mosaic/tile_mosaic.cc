@@ -21,15 +21,20 @@ std::array<Eigen::Vector2d, 9> NinePlaces(const GroundBounds& bounds) {
   return places;
 }
 
-// Whether an image shows the ground elsewhere than before, by more than so many pixels.
+// Whether an image shows the ground elsewhere than before, by more than so many pixels. Places that only one of the two
+// knows, beyond the border of the other, tell nothing, unless there are no others.
 bool HasMoved(const GroundView& before, const GroundView& now, const GroundScene& scene, const GroundBounds& footprint,
               double pixels) {
-  const auto places = NinePlaces(footprint);
-  return std::any_of(places.begin(), places.end(), [&](const Eigen::Vector2d& place) {
+  bool is_any_known = false, is_any_shown = false;
+  for (const Eigen::Vector2d& place : NinePlaces(footprint)) {
     const auto was = before.Project(scene.OnSurface(place)), is = now.Project(scene.OnSurface(place));
-    if (!was || !is) return was.has_value() != is.has_value();
-    return (was->inside >= 0 || is->inside >= 0) && (was->pixel - is->pixel).norm() > pixels;
-  });
+    const bool is_shown = (was && was->inside >= 0) || (is && is->inside >= 0);
+    is_any_shown = is_any_shown || is_shown;
+    if (!is_shown || !was || !is) continue;
+    if ((was->pixel - is->pixel).norm() > pixels) return true;
+    is_any_known = true;
+  }
+  return is_any_shown && !is_any_known;
 }
 
 // Neighbours on the ground are neighbours in this order (G. Morton, 1966), so that images in memory are used again.
@@ -75,6 +80,7 @@ void TileMosaic::SetScene(TileScene scene, const Eigen::Vector2d& focus, bool is
     marked_.clear();
     seen_heights_.clear();
     made_at_.clear();
+    urgent_.clear();
   }
   is_final_ = is_final;
   scene_.zoom = scene.zoom;
@@ -96,13 +102,16 @@ void TileMosaic::MarkChanges(const TileScene& next) {
     for (int i = 0; i < scene.NumImages(); ++i) {
       const Key key(component.name, scene.Image(i).id);
       const auto was = before.find(key);
-      const bool stays = was != before.end() && !HasMoved(was->second, scene.View(i), scene, scene.Footprint(i),
-                                                          options_.tolerance.pixels / 2);
+      const auto has_moved_by = [&](double pixels) {
+        return HasMoved(was->second, scene.View(i), scene, scene.Footprint(i), pixels);
+      };
+      const bool is_known = was != before.end();
+      const bool stays = is_known && !has_moved_by(options_.tolerance.pixels / 2);
       marked_.emplace(key, stays ? was->second : scene.View(i));
       if (stays) {
         unmoved.insert(key);
       } else {
-        Mark(scene.Footprint(i));
+        Mark(scene.Footprint(i), is_known && has_moved_by(options_.urgent_px));
       }
     }
   }
@@ -136,14 +145,16 @@ void TileMosaic::MarkHeights(const TileScene& next) {
   }
 }
 
-void TileMosaic::Mark(const GroundBounds& ground) {
+void TileMosaic::Mark(const GroundBounds& ground, bool is_urgent) {
   const GroundBounds bounds = scene_.plane.ToTiles(ground);
   const TileAddress first = TileAt(UnitZoom(), {bounds.low.x(), bounds.high.y()}),
                     last = TileAt(UnitZoom(), {bounds.high.x(), bounds.low.y()});
   constexpr int kMost = 256;  // units along a side: an image to the horizon
   for (int row = first.row; row <= std::min(last.row, first.row + kMost); ++row) {
-    for (int column = first.column; column <= std::min(last.column, first.column + kMost); ++column)
+    for (int column = first.column; column <= std::min(last.column, first.column + kMost); ++column) {
       pending_.insert({UnitZoom(), column, row});
+      if (is_urgent) urgent_.insert({UnitZoom(), column, row});
+    }
   }
 }
 
@@ -158,7 +169,8 @@ std::optional<TileAddress> TileMosaic::Next() const {
     Order order(0, 0.0, MortonIndex(unit));
     if (!is_final_) {
       const auto at = made_at_.find(unit);
-      if (at != made_at_.end() && now - at->second < least) continue;
+      const bool is_early = now < next_remake_ || (at != made_at_.end() && now - at->second < least);
+      if (is_early && made_.contains(unit) && !urgent_.contains(unit)) continue;
       const GroundBounds bounds = scene_.plane.ToGround(BoundsOf(unit));
       order = {made_.contains(unit) ? 1 : 0, ((bounds.low + bounds.high) / 2 - focus_).norm(), MortonIndex(unit)};
     }
@@ -232,8 +244,15 @@ void TileMosaic::Work(std::chrono::steady_clock::time_point until) {
     do {
       const std::optional<TileAddress> unit = Next();
       if (!unit) break;
+      const auto begin = std::chrono::steady_clock::now();
       if (!IsDone(*unit)) Make(*unit, &changes);
+      const auto end = std::chrono::steady_clock::now();
+      if (made_.contains(*unit) && !urgent_.contains(*unit)) {
+        const std::chrono::duration<double> pause = (1 / options_.remake_share - 1) * (end - begin);
+        next_remake_ = end + std::chrono::duration_cast<std::chrono::steady_clock::duration>(pause);
+      }
       pending_.erase(*unit);
+      urgent_.erase(*unit);
     } while (std::chrono::steady_clock::now() < until);
   } catch (...) {
     put();

@@ -23,6 +23,10 @@ struct TileMosaicOptions {
   // While the map grows a unit is made anew at most so often: the ground at the edge of what is seen changes with every
   // image.
   double min_remake_s = 2;
+  // Nor does making units anew take more than this share of the time, unless images have moved by so many pixels: every
+  // map moves a little while it grows.
+  double remake_share = 0.15;
+  double urgent_px = 20;
 
   template <typename Visitor>
   void Visit(Visitor& v) {
@@ -32,6 +36,8 @@ struct TileMosaicOptions {
     v("num_zooms", num_zooms, Range(1, kMaxZoom));
     v("hatch_px", hatch_px, Range(4, 1024), "pixels");
     v("min_remake_s", min_remake_s, AtLeast(0), "s");
+    v("remake_share", remake_share, Range(0.001, 1), "of the time");
+    v("urgent_px", urgent_px, MoreThan(0), "pixels");
   }
 };
 
@@ -64,7 +70,7 @@ class TileMosaic {
 
   void MarkChanges(const TileScene& next);
   void MarkHeights(const TileScene& next);
-  void Mark(const GroundBounds& ground);
+  void Mark(const GroundBounds& ground, bool is_urgent);
   std::optional<TileAddress> Next() const;
   bool IsDone(const TileAddress& unit) const;
   void Make(const TileAddress& unit, TileFile::Changes* changes);
@@ -79,9 +85,10 @@ class TileMosaic {
   TileScene scene_;
   Eigen::Vector2d focus_ = Eigen::Vector2d::Zero();
   bool is_final_ = false;
-  std::set<TileAddress> pending_;
+  std::set<TileAddress> pending_, urgent_;
   std::map<TileAddress, TileRecipe> made_;
   std::map<TileAddress, std::chrono::steady_clock::time_point> made_at_;  // by this process
+  std::chrono::steady_clock::time_point next_remake_;
   std::map<Key, GroundView> marked_;                          // images where they were when units were marked for them
   std::map<TileAddress, std::array<float, 9>> seen_heights_;  // of the surface, likewise
   int64_t num_made_ = 0;

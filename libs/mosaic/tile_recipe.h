@@ -44,10 +44,10 @@ struct TileRecipe {
 TileRecipe MakeRecipe(const TileScene& scene, const TileAddress& unit);
 
 struct RecipeTolerance {
-  double pixels = 2.5;  // of an image: what moved less stays as it is
-  double gain = 0.05;   // relative
-  double quality = 2;   // times: another image is better by so much
-  double share = 0.3;   // of the unit, for which a better image is there
+  double pixels = 5;   // of an image: what moved less stays as it is
+  double gain = 0.05;  // relative
+  double quality = 2;  // times: another image is better by so much
+  double share = 0.3;  // of the unit, for which a better image is there
   template <typename Visitor>
   void Visit(Visitor& v) {
     v("pixels", pixels, AtLeast(0), "pixels of an image");

@@ -15,7 +15,7 @@ struct MosaicProcessOptions {
   LiveSceneOptions scene;
   TileMosaicOptions tiles;
   double min_interval_s = 0.5;  // between looks at the map
-  double pause_share = 4;       // times as long as a look at the map took is done something else
+  double pause_share = 8;       // times as long as a look at the map took is done something else
 
   // Not visited: process, out: of one run.
   template <typename Visitor>

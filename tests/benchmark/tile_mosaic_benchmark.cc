@@ -66,7 +66,7 @@ int Run(int num_keyframes, const std::string& path) {
   const std::vector<uint8_t> jpeg = MakeJpeg();
   TileFile file(path);
   int num_read = 0;
-  TileMosaic tiles({}, &file, [&](int) {
+  TileMosaic tiles({}, &file, [&](int, int) {
     ++num_read;
     return cv::imdecode(jpeg, cv::IMREAD_COLOR);
   });

@@ -36,6 +36,17 @@ TEST_F(RunSummaryTest, AddsWhatOnlyTheLauncherKnowsAndKeepsTheRest) {
     "processes": [{"name": "hub", "cpu_s": 0.5, "peak_rss_mb": 70}, {"name": "frontend", "cpu_s": 12.25, "peak_rss_mb": 122}]})"));
 }
 
+TEST_F(RunSummaryTest, NamesTheWeakConnectionsThatHoldTheMapTogether) {
+  WriteFile(out_ + "/summary.json", R"json({
+    "connections": [{"a": 0, "b": 1, "verdict": "accepted", "in_tree": true, "weak": true},
+                    {"a": 0, "b": 2, "verdict": "accepted", "in_tree": false, "weak": true},
+                    {"a": 1, "b": 2, "verdict": "accepted", "in_tree": true, "weak": false},
+                    {"a": 2, "b": 5, "verdict": "accepted", "in_tree": true, "weak": true}]})json");
+  EXPECT_NE(FormatSummaryTable(out_).find("4 accepted of 4 evaluated; weak: 0–1, 2–5 (the report says how weak)"),
+            std::string::npos)
+      << FormatSummaryTable(out_);
+}
+
 TEST_F(RunSummaryTest, PrintsATable) {
   WriteFile(out_ + "/summary.json", R"json({
     "frames_in": 172, "frames_tracked": 171, "frames_in_main": 86, "holes_in_words": "1 hole: frames 74 to 83 (10 frames, 66 s)", "losses": 1, "keyframes_in_main": 80, "keyframes_total": 166,

@@ -45,6 +45,7 @@ class Flight {
 TileMosaicOptions MadeAnewAtOnce(double min_remake_s = 0) {
   TileMosaicOptions options;
   options.min_remake_s = min_remake_s;
+  options.remake_share = 1;
   return options;
 }
 
@@ -131,6 +132,25 @@ TEST(TileMosaic, WhatWasMadeAMomentAgoWaitsUnlessTheMapIsFinal) {
   EXPECT_FALSE(maker.tiles.HasWork());
   maker.tiles.SetScene(Flight::Scene({Flight::Part("a", 0, 23)}), {0, 0}, true);
   EXPECT_GT(work(), 0) << "those that waited";
+  EXPECT_EQ(maker.tiles.NumPending(), 0);
+}
+
+TEST(TileMosaic, WhatMovesALittleTakesAShareOfTheTimeAndWhatMovesFarDoesNotWait) {
+  TileMosaicOptions options = MadeAnewAtOnce();
+  options.remake_share = 0.001;
+  const ScratchFolder folder;
+  Maker maker(folder.File("a.mbtiles"), options);
+  const auto work = [&](double shift) {
+    maker.tiles.SetScene(Flight::Scene({Flight::Part("a", 0, 20, true, shift)}), {0, 0}, false);
+    const int64_t before = maker.tiles.NumMade();
+    while (maker.tiles.HasWork()) maker.tiles.Work(Clock::now());
+    return maker.tiles.NumMade() - before;
+  };
+  const int64_t all = work(0);
+  EXPECT_EQ(maker.tiles.NumPending(), 0);
+  EXPECT_LE(work(0.3), all / 4) << "9 pixels";
+  EXPECT_GT(maker.tiles.NumPending(), 0);
+  EXPECT_GE(work(1.3), all / 2) << "30 pixels more";
   EXPECT_EQ(maker.tiles.NumPending(), 0);
 }
 
