@@ -7,8 +7,8 @@
 
 namespace mapmend {
 
-// An image so small that it tells the brightness of areas, not of leaves: 8 bits, 3 channels. An image whose longer side
-// has kBrightnessSide pixels is enough for it.
+// An image so small that it tells the brightness of areas, not of leaves: 8 bits, 3 channels. An image whose longer
+// side has kBrightnessSide pixels is enough for it.
 constexpr int kBrightnessSide = 160;
 cv::Mat BrightnessImage(const cv::Mat& image);
 

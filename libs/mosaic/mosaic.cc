@@ -11,8 +11,8 @@ namespace {
 
 constexpr int kCoverageBlock = 8;  // cells along a side
 
-// Adds one to each cell of a block that an image shows. places: of all cells, row by row. A block whose corners are well
-// inside the image, or well outside, is not looked into.
+// Adds one to each cell of a block that an image shows. places: of all cells, row by row. A block whose corners are
+// well inside the image, or well outside, is not looked into.
 void CountSeen(const GroundView& view, const std::vector<Eigen::Vector3d>& places, const cv::Rect& block,
                cv::Mat* coverage) {
   const auto see = [&](int x, int y) {

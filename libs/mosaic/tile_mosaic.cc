@@ -15,7 +15,8 @@ constexpr int kUnitPixels = 2 * kTilePixels;
 std::array<Eigen::Vector2d, 9> NinePlaces(const GroundBounds& bounds) {
   std::array<Eigen::Vector2d, 9> places;
   for (size_t i = 0; i < places.size(); ++i) {
-    const Eigen::Array2d share(static_cast<double>(i % 3) / 2, static_cast<double>(i / 3) / 2);
+    const size_t column = i % 3, row = i / 3;
+    const Eigen::Array2d share(0.5 * static_cast<double>(column), 0.5 * static_cast<double>(row));
     places[i] = bounds.low + (bounds.Size().array() * share).matrix();
   }
   return places;
@@ -126,10 +127,10 @@ void TileMosaic::MarkChanges(const TileScene& next) {
 
 void TileMosaic::MarkHeights(const TileScene& next) {
   const double least = options_.tolerance.pixels * TilePixelSize(next.zoom) / next.plane.scale.x();
-  for (const auto& [unit, recipe] : made_) {
-    const auto component = std::find_if(next.components.begin(), next.components.end(), [&](const TileComponent& c) {
-      return !recipe.images.empty() && c.name == recipe.images.front().component;
-    });
+  for (const auto& [unit, made] : made_) {
+    const std::string name = made.images.empty() ? "" : made.images.front().component;
+    const auto component = std::find_if(next.components.begin(), next.components.end(),
+                                        [&](const TileComponent& c) { return c.name == name; });
     if (component == next.components.end()) continue;
     std::array<float, 9> heights = {};
     const auto places = NinePlaces(next.plane.ToGround(BoundsOf(unit)));

@@ -2,7 +2,6 @@
 
 #include <chrono>
 #include <functional>
-#include <functional>
 #include <map>
 #include <optional>
 #include <set>

@@ -151,6 +151,7 @@ void EventStreams::Impl::Run() {
   while (!ends) {
     TakeNew();
     MakeRoom();
+    num_streams = static_cast<int>(streams.size());  // whoever is sent something has been counted
     auto next = Clock::now() + std::chrono::hours(1);
     int64_t oldest = feed->Version();
     for (auto it = streams.begin(); it != streams.end();) {
