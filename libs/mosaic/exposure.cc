@@ -65,11 +65,11 @@ class NormalEquations {
   NormalEquations(int num_images, const Equations& equations, const ExposureOptions& options)
       : n_(num_images),
         pairs_(equations.Pairs()),
-        of_image_(Eigen::VectorXd::Constant(3 * n_, 1 / (options.prior_sigma * options.prior_sigma))),
-        of_pair_(Eigen::VectorXd::Zero(3 * static_cast<int>(pairs_.size()))),
-        with_vignetting_(Eigen::MatrixX2d::Zero(3 * n_, 2)),
+        of_image_(Eigen::VectorXd::Constant(Eigen::Index{3} * n_, 1 / (options.prior_sigma * options.prior_sigma))),
+        of_pair_(Eigen::VectorXd::Zero(3 * static_cast<Eigen::Index>(pairs_.size()))),
+        with_vignetting_(Eigen::MatrixX2d::Zero(Eigen::Index{3} * n_, 2)),
         vignetting_(Eigen::Matrix2d::Identity() / (options.vignetting_sigma * options.vignetting_sigma)),
-        g_(Eigen::VectorXd::Zero(3 * n_ + 2)) {}
+        g_(Eigen::VectorXd::Zero(Eigen::Index{3} * n_ + 2)) {}
 
   void Add(const Equation& e, int channel, double weight) {
     const int first = channel * n_ + e.first, second = channel * n_ + e.second;

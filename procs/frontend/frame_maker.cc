@@ -79,7 +79,7 @@ FramePtr FrameMaker::Make(const SourceImage& image) const {
     distorted.push_back(k.pixel);
     const int x = std::clamp(static_cast<int>(std::lround(k.pixel.x())), 0, pixels.cols - 1);
     const int y = std::clamp(static_cast<int>(std::lround(k.pixel.y())), 0, pixels.rows - 1);
-    const uint8_t* p = pixels.ptr<uint8_t>(y) + x * pixels.channels();
+    const uint8_t* p = pixels.ptr<uint8_t>(y) + ptrdiff_t{x} * pixels.channels();
     if (pixels.channels() == 1) {
       frame->features.colors.push_back({*p, *p, *p});
     } else {
