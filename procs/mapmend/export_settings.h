@@ -13,8 +13,8 @@ namespace mapmend {
 struct ExportSettings {
   std::vector<std::string> formats;  // names of libs/formats/map_formats.h
   std::string frame;                 // one of FrameNames; empty: that of the exports that are there, else "map"
-  std::string
-      mosaic;  // the picture of the ground: live, final or none; empty: as the exports that are there, else live
+  // The picture of the ground: live, final or none; empty: as the exports that are there have it, else live.
+  std::string mosaic;
 
   // Adds --mosaic to a command that maps or merges flights.
   void AddMosaicOption(CLI::App* sub);
