@@ -112,7 +112,10 @@ TEST_F(RefinementScheduleTest, ATaskHoldsTheEvidenceThatAgreesAndIsStillThere) {
   sessions_.at("s").submaps.at(SubmapId(1)).keyframes.erase(culled);
   const RefinementTask task = Begin();
   EXPECT_LT(task.links.size(), num_links);
-  for (const RefinementLink& link : task.links) EXPECT_NE(link.keyframe_b, culled);
+  for (const RefinementLink& link : task.links) {
+    EXPECT_NE(link.keyframe_b, culled);
+    EXPECT_GT(link.sigmas.scale, 0) << "each piece of evidence says what it leaves open";
+  }
 }
 
 TEST_F(RefinementScheduleTest, ComponentsAreNumberedByTheFramesTheyHold) {
