@@ -19,6 +19,7 @@ std::vector<uint8_t> Encode(const Health& health) {
   health_t message{};
   message.process = health.process;
   message.pid = health.pid;
+  message.host = health.host;
   message.version = health.version;
   message.utime = health.utime;
   message.state = health.state;
@@ -47,11 +48,17 @@ Decoded<Health> Decode(const uint8_t* data, int size) {
   Decoded<health_t> message = Decode<health_t>(data, size);
   if (!message.value) return {std::nullopt, message.error};
   const health_t& m = *message.value;
-  Health health{m.process, m.pid,         m.version, m.utime,  m.state,       m.message,
+  Health health{m.process, m.pid, m.host,        m.version, m.utime,  m.state,       m.message,
                 {},        m.queue_depth, m.cpu_s,   m.rss_mb, m.peak_rss_mb, {}};
   for (const cursor_t& cursor : m.cursors) health.cursors[cursor.session] = cursor.seq;
   for (const counter_t& counter : m.counters) health.counters[counter.name] = counter.value;
   return {std::move(health), ""};
+}
+
+std::string HostName() {
+  char name[256] = "";
+  gethostname(name, sizeof(name) - 1);
+  return name;
 }
 
 ProcessUsage ReadProcessUsage() {
@@ -76,7 +83,7 @@ ProcessUsage ReadProcessUsage() {
 }
 
 HealthReporter::HealthReporter(Bus* bus, const std::string& process)
-    : process_(process), buses_{bus}, last_sign_of_life_(Clock::now()) {
+    : process_(process), host_(HostName()), buses_{bus}, last_sign_of_life_(Clock::now()) {
   // Signals are for the owner's thread.
   sigset_t all, before;
   sigfillset(&all);
@@ -150,6 +157,7 @@ Health HealthReporter::MakeHealth() const {
   Health health;
   health.process = process_;
   health.pid = getpid();
+  health.host = host_;
   health.version = MAPMEND_VERSION;
   health.utime =
       std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch())

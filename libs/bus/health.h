@@ -17,6 +17,7 @@ namespace mapmend {
 struct Health {
   std::string process;  // frontend, submap_store, merger, viewer_export, mosaic, hub
   int pid = -1;
+  std::string host;  // its name, as the system says
   std::string version;
   int64_t utime = 0;                       // wall clock; no decision depends on it
   std::string state;                       // starting, ready, busy, done, error
@@ -57,7 +58,7 @@ class HealthReporter {
   void Run();
   Health MakeHealth() const;  // with the lock held
 
-  const std::string process_;
+  const std::string process_, host_;
   mutable std::mutex mutex_;  // guards all below
   std::condition_variable changed_;
   std::vector<Bus*> buses_;
@@ -74,6 +75,9 @@ class HealthReporter {
   bool stop_ = false;
   std::thread thread_;
 };
+
+// The name of this host.
+std::string HostName();
 
 // CPU seconds used so far and resident memory of this process, from /proc.
 struct ProcessUsage {

@@ -173,7 +173,7 @@ void RecordPublisher::AddWords(KeyframeRecord* record) const {
   record->bow = std::move(transform.bow);
 }
 
-void RecordPublisher::EmitAll(Records records) const {
+void RecordPublisher::EmitAll(Records&& records) const {
   const StageTimer timer("map/publish");
   for (auto& [utime, body] : records) {
     if (auto* keyframe = std::get_if<KeyframeRecord>(&body)) AddWords(keyframe);

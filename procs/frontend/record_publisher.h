@@ -74,7 +74,7 @@ class RecordPublisher {
   // What is to be published up to a keyframe, which may still lack words; needs the map.
   Records Take(int64_t utime, KeyframeIndex last_keyframe, WorkingMap* map);
   // Adds the words and emits; needs no map.
-  void EmitAll(Records records) const;
+  void EmitAll(Records&& records) const;
   void Publish(int64_t utime, WorkingMap* map) { EmitAll(Take(utime, map->LastKeyframe(), map)); }
   // Frames that have waited long enough for a keyframe, without what else has changed: that goes with the next one.
   //   is_live  see max_waiting_s

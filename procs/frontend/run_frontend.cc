@@ -125,10 +125,10 @@ void DeliverAll(const RunOptions& options, bool is_live, StreamSender* sender, H
                              : !sender->StoreError().empty() ? kRefusedTimeoutMs
                                                              : int64_t{1000} * options.deliver_timeout_s;
     if (waited > std::chrono::milliseconds(limit_ms)) {
-      const std::string kept = options.outbox_path.empty() ? ""
-                                                           : "; they are kept in " + options.outbox_path +
-                                                                 ": 'mapmend recover' on its folder delivers them";
-      throw std::runtime_error(std::to_string(num_left) + " records were not stored (" + obstacle + ")" + kept);
+      std::string problem = std::to_string(num_left) + " records were not stored (" + obstacle + ")";
+      if (!options.outbox_path.empty())
+        problem += "; they are kept in " + options.outbox_path + ": 'mapmend recover' on its folder delivers them";
+      throw std::runtime_error(problem);
     }
     health->SetQueueDepth(static_cast<int>(num_left));
     if (waited > std::chrono::seconds(2))

@@ -153,7 +153,8 @@ void Backend::RefuseSecondStore() {
   if (!store_started_ || Clock::now() - *store_started_ > kBeginning) return;
   own_stores_.insert(supervisor_.Pid("submap_store"));
   for (const auto& [key, entry] : monitor_->Entries()) {
-    if (key.first != "submap_store" || own_stores_.contains(key.second) || entry.state == "done") continue;
+    const bool is_own = entry.host == HostName() && own_stores_.contains(entry.pid);
+    if (entry.process != "submap_store" || is_own || entry.state == "done") continue;
     throw std::runtime_error("another run began on " + url_ +
                              " at the same time, and each would store what both see: choose another --lcm-url, or a "
                              "--channel-prefix of its own, and start again");

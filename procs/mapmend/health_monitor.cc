@@ -8,7 +8,7 @@ namespace mapmend {
 
 HealthMonitor::HealthMonitor(Bus* bus) {
   subscription_ = bus->Subscribe<Health>(channels::kHealth, Delivery::kKeepAll, [this](const Health& health) {
-    Entry& entry = entries_[{health.process, health.pid}];
+    Entry& entry = entries_[{health.process, health.host, health.pid}];
     const Entry before = std::move(entry);
     entry = {health, std::chrono::steady_clock::now()};
     entry.counters.insert(before.counters.begin(), before.counters.end());
@@ -17,14 +17,14 @@ HealthMonitor::HealthMonitor(Bus* bus) {
 }
 
 const HealthMonitor::Entry* HealthMonitor::Find(const std::string& process, int pid) const {
-  const auto found = entries_.find({process, pid});
+  const auto found = entries_.find({process, host_, pid});
   return found == entries_.end() ? nullptr : &found->second;
 }
 
 const HealthMonitor::Entry* HealthMonitor::FindLatest(const std::string& process) const {
   const Entry* latest = nullptr;
   for (const auto& [key, entry] : entries_) {
-    if (key.first == process && (latest == nullptr || entry.received > latest->received)) latest = &entry;
+    if (entry.process == process && (latest == nullptr || entry.received > latest->received)) latest = &entry;
   }
   return latest;
 }

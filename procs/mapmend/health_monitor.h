@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <tuple>
 
 #include "libs/bus/bus.h"
 #include "libs/bus/health.h"
@@ -20,16 +21,18 @@ class HealthMonitor {
 
   explicit HealthMonitor(Bus* bus);  // subscribes; entries change inside the bus's Handle
 
-  // By process name, then pid: several of one name may be on a shared bus.
-  const std::map<std::pair<std::string, int>, Entry>& Entries() const { return entries_; }
-  // The entry of one process; nullptr if it has not been heard of.
+  // By process name, host, then pid: several of one name may be on a shared bus.
+  using Key = std::tuple<std::string, std::string, int>;
+  const std::map<Key, Entry>& Entries() const { return entries_; }
+  // The entry of one process of this host; nullptr if it has not been heard of.
   const Entry* Find(const std::string& process, int pid) const;
   // The last entry of that name whoever sent it; nullptr if there is none.
   const Entry* FindLatest(const std::string& process) const;
-  void Forget(const std::string& process, int pid) { entries_.erase({process, pid}); }
+  void Forget(const std::string& process, int pid) { entries_.erase({process, host_, pid}); }
 
  private:
-  std::map<std::pair<std::string, int>, Entry> entries_;
+  const std::string host_ = HostName();
+  std::map<Key, Entry> entries_;
   Subscription subscription_;
 };
 

@@ -1,6 +1,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -41,19 +42,28 @@ double Age(const HealthMonitor::Entry& entry) {
   return std::chrono::duration<double>(Clock::now() - entry.received).count();
 }
 
+// Whether it matters on which host a process is.
+bool IsOnSeveralHosts(const HealthMonitor& monitor) {
+  const auto& entries = monitor.Entries();
+  return std::any_of(entries.begin(), entries.end(),
+                     [&](const auto& entry) { return entry.second.host != entries.begin()->second.host; });
+}
+
 // The figures, which may be many, are cut to the width of a terminal.
 void PrintTable(const HealthMonitor& monitor, const std::string& url, bool with_head, int columns) {
   char text[200];
   std::snprintf(text, sizeof(text), "%-14s %7s %-9s %6s %8s %7s %6s  ", "process", "pid", "state", "queue", "CPU s",
                 "MB", "age s");
   if (with_head) std::printf("%sfigures\n", text);
+  const bool several_hosts = IsOnSeveralHosts(monitor);
   if (monitor.Entries().empty()) std::printf("nothing is heard on %s\n", url.c_str());
   for (const auto& [key, entry] : monitor.Entries()) {
     const double age = Age(entry);
     std::snprintf(text, sizeof(text), "%-14s %7d %-9s %6d %8.1f %7.0f %6.1f  ", entry.process.c_str(), entry.pid,
                   IsSilent(entry, age) ? "silent" : entry.state.c_str(), entry.queue_depth, entry.cpu_s, entry.rss_mb,
                   age);
-    std::printf("%s\n", FitToWidth(text + FormatCounters(entry), columns).c_str());
+    const std::string host = several_hosts ? "on " + entry.host + "  " : "";
+    std::printf("%s\n", FitToWidth(text + host + FormatCounters(entry), columns).c_str());
   }
   std::fflush(stdout);
 }
@@ -65,6 +75,7 @@ void PrintJson(const HealthMonitor& monitor, const std::string& url) {
     const double age = Age(entry);
     json["processes"].push_back({{"process", entry.process},
                                  {"pid", entry.pid},
+                                 {"host", entry.host},
                                  {"state", IsSilent(entry, age) ? "silent" : entry.state},
                                  {"message", entry.message},
                                  {"queue", entry.queue_depth},

@@ -243,11 +243,31 @@ void PublishPose(const MapModel& model, const FramePose& pose, LiveFeed* feed) {
   feed->Set("pose", JsonText(json));
 }
 
+// The newest record of each session that any process has told of.
+std::map<std::string, int64_t> NewestRecords(const LiveInputs& inputs) {
+  std::map<std::string, int64_t> newest;
+  for (const auto& [name, heard] : inputs.HealthOf()) {
+    for (const auto& [session, seq] : heard.health.cursors) {
+      const auto [entry, is_new] = newest.emplace(session, seq);
+      if (!is_new) entry->second = std::max(entry->second, seq);
+    }
+  }
+  return newest;
+}
+
+// How many records of the sessions that it reads or writes it has still before it.
+int64_t RecordsBehind(const Health& health, const std::map<std::string, int64_t>& newest) {
+  int64_t behind = 0;
+  for (const auto& [session, seq] : health.cursors) behind += newest.at(session) - seq;
+  return behind;
+}
+
 void PublishProcesses(const MapModel& model, const LiveInputs& inputs, LiveFeed* feed) {
   const auto now = std::chrono::steady_clock::now();
   std::set<std::string> names;
   for (const auto& [name, heard] : inputs.HealthOf()) names.insert("process/" + name);
   feed->KeepOnly("process/", names);
+  const std::map<std::string, int64_t> newest = NewestRecords(inputs);
   for (const auto& [name, heard] : inputs.HealthOf()) {
     const Health& health = heard.health;
     std::string vehicle;
@@ -264,12 +284,14 @@ void PublishProcesses(const MapModel& model, const LiveInputs& inputs, LiveFeed*
     feed->Set("process/" + name, JsonText({{"name", health.process},
                                            {"vehicle", vehicle},
                                            {"pid", health.pid},
+                                           {"host", health.host},
                                            {"state", health.state},
                                            {"message", health.message},
                                            {"silent_s", silent < 3 ? 0 : std::floor(silent / 5) * 5 + 3},
                                            {"cpu_s", rounded(health.cpu_s, 0.1)},
                                            {"rss_mb", rounded(health.rss_mb, 1)},
                                            {"queue", health.queue_depth},
+                                           {"behind", RecordsBehind(health, newest)},
                                            {"counters", counters}}));
   }
 }
@@ -277,11 +299,13 @@ void PublishProcesses(const MapModel& model, const LiveInputs& inputs, LiveFeed*
 }  // namespace
 
 void LiveInputs::OnHealth(const Health& health) {
+  static const std::string own_host = HostName();
   std::string name = health.process;
+  if (health.host != own_host) name += "@" + health.host;
   // Several vehicles have a frontend each; one that was started again goes on in the same session.
   if (health.process == "frontend" && !health.cursors.empty()) {
-    name += "/" + health.cursors.rbegin()->first;
-    health_.erase("frontend");
+    health_.erase(name);
+    name = health.process + "/" + health.cursors.rbegin()->first;
   }
   health_[name] = {health, std::chrono::steady_clock::now()};
 }

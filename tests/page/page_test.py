@@ -53,13 +53,39 @@ def wait_for(condition, what, seconds=PATIENCE_S):
     raise AssertionError(f"not seen within {seconds} s: {what}")
 
 
+# Texts that differ too little from what they stand on (WCAG 2.1, 1.4.3: 4.5, large ones 3).
+CONTRAST = """
+const light = c => [0, 1, 2].map(i => c[i] / 255).map(v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+  .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
+const read = text => (text.match(/[\\d.]+/g) ?? []).map(Number);
+const ground = node => {
+  for (let n = node; n; n = n.parentElement) {
+    const c = read(getComputedStyle(n).backgroundColor);
+    if (c.length === 3 || c[3] > 0.9) return c;
+  }
+  return matchMedia("(prefers-color-scheme: dark)").matches ? [18, 18, 18] : [255, 255, 255];
+};
+const bad = [], texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+let looked = 0;
+while (texts.nextNode()) {
+  const node = texts.currentNode.parentElement, style = getComputedStyle(node), box = node.getBoundingClientRect();
+  if (!texts.currentNode.data.trim() || !box.width || node.closest("svg, script, style, :disabled")) continue;
+  const [a, b] = [light(read(style.color)), light(ground(node))].sort((x, y) => y - x), size = parseFloat(style.fontSize);
+  const ratio = (a + 0.05) / (b + 0.05), isLarge = size >= 24 || (size >= 18.66 && style.fontWeight >= 700);
+  ++looked;
+  if (ratio < (isLarge ? 3 : 4.5)) bad.push(`${ratio.toFixed(2)} ${node.tagName}.${node.className}: ${texts.currentNode.data.trim().slice(0, 40)}`);
+}
+return [looked, bad];
+"""
+
+
 class Command:
     """A mapmend that runs beside the test; ends with it."""
 
-    def __init__(self, folder, *arguments):
+    def __init__(self, folder, *arguments, before=()):
         self.log = pathlib.Path(folder) / f"{arguments[0]}-{time.monotonic_ns()}.log"
         with open(self.log, "w") as log:
-            self.process = subprocess.Popen([PROGRAM, *map(str, arguments)], stdout=log, stderr=log, start_new_session=True)
+            self.process = subprocess.Popen([*before, PROGRAM, *map(str, arguments)], stdout=log, stderr=log, start_new_session=True)
 
     def text(self):
         return self.log.read_text(errors="replace")
@@ -133,8 +159,8 @@ class PageTest(unittest.TestCase):
         for command in self.commands:
             command.stop()
 
-    def start(self, *arguments):
-        command = Command(self.folder, *arguments)
+    def start(self, *arguments, **options):
+        command = Command(self.folder, *arguments, **options)
         self.commands.append(command)
         return command
 
@@ -168,6 +194,11 @@ class PageTest(unittest.TestCase):
                and "/tiles/" not in entry["message"]]  # beyond the ground that was seen there are none
         self.assertEqual(bad, [])
 
+    def check_contrast(self):
+        looked, bad = self.js(CONTRAST)
+        self.assertGreater(looked, 20)
+        self.assertEqual(bad, [])
+
     def summary(self):
         return json.loads(pathlib.Path(self.out, "summary.json").read_text())
 
@@ -177,13 +208,23 @@ class PageTest(unittest.TestCase):
         wait_for(lambda: self.state()["submaps"] == 2, "the second submap")
         if not self.came_late:
             wait_for(lambda: "Tracking is lost after frame 73" in self.js("return told.join()"), "the word of the loss")
+            self.assertIn(330, self.js("return tones"), "a low tone on a loss")
         self.assertTrue(self.js("return mapmend.map.byNumber()[0].info.lost"))
         self.shot("1_in_flight")
         wait_for(lambda: self.js("return [...mapmend.map.edges.values()].some(e => e.tree)"), "the merge")
         wait_for(lambda: self.js("return mapmend.map.byNumber().every(s => s.isJoined)"), "one map")
         wait_for(lambda: self.js("return mapmend.map.byNumber()[1].glides > 0"), "a submap that glides")
         wait_for(lambda: "Submap 1 is joined to submap 0" in self.js("return told.join()"), "the word of the merge")
+        self.assertIn(784, self.js("return tones"), "a high tone on a merge")
         self.shot("2_merged")
+
+    def listen(self):
+        """Switches the sound on, and keeps what is played."""
+        self.js("""window.tones = []; const Oscillator = OscillatorNode;
+            window.OscillatorNode = class extends Oscillator {constructor(context, options) {super(context, options); tones.push(options.frequency);}}""")
+        self.browser.find_element(By.ID, "sound").click()
+        self.assertEqual(self.text("#sound"), "Sound on")
+        wait_for(lambda: self.js("return tones") == [660], "the tone that says that it can be heard")
 
     # Tests run in the order of their names.
 
@@ -195,6 +236,7 @@ class PageTest(unittest.TestCase):
         # All that was ever told, whatever is dismissed meanwhile.
         self.js("""window.told = []; new MutationObserver(changes => changes.forEach(c => c.addedNodes.forEach(n => told.push(n.textContent))))
             .observe(document.getElementById("alarms"), {childList: true})""")
+        self.listen()
         # On a busy machine the browser may be there only after the loss.
         self.came_late = self.js("return mapmend.map.byNumber().some(s => s.info.lost)")
         self.look_at_flight(flight)
@@ -328,11 +370,13 @@ class PageTest(unittest.TestCase):
         self.shot("9_phone")
         self.js("scrollTo(0, 900)")
         self.shot("9_phone_lower")
+        self.check_contrast()
         self.browser.quit()
         self.open(self.commands[-1].page(), dark=True)
         wait_for(lambda: self.state()["upToDate"] and self.state()["frames"] > 3, "the page in the dark")
         time.sleep(2)
         self.shot("10_dark")
+        self.check_contrast()
 
     def test_7_idle_traffic(self):
         self.view()
@@ -366,8 +410,29 @@ class PageTest(unittest.TestCase):
         self.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": 390, "height": 800, "deviceScaleFactor": 1, "mobile": True})
         self.assertLessEqual(self.js("return document.documentElement.scrollWidth"), 390)
         self.shot("13_report_phone")
+        self.check_contrast()
         self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": "dark"}]})
         self.shot("14_report_phone_dark")
+        self.check_contrast()
+
+    def test_8a_a_vehicle_on_another_host(self):
+        """Whoever is on another host is told apart from those of this one."""
+        host = ("unshare", "--uts", "sh", "-c", 'hostname drone-1; exec "$@"', "sh")
+        if subprocess.run([*host, "true"], capture_output=True, check=False).returncode != 0:
+            self.skipTest("no other host can be made here")
+        port = 7900 + os.getpid() % 90
+        station = self.start("station", "--out", os.path.join(self.folder, "ground"), "--port", port)
+        self.open(station.page())
+        wait_for(lambda: "Merger" in self.text("#health"), "the merger of this host")
+        self.assertNotIn(" on ", self.js("return [...document.querySelectorAll('#health b')].map(b => b.textContent).join()"))
+        vehicle = self.start("fly", FLIGHT / "video.mp4", "--station", f"127.0.0.1:{port}", "--vehicle", "kite", "--realtime", "--speed", 6,
+                             "--skip-frames", "0-55,86-171", "--out", os.path.join(self.folder, "air"), before=host)
+        names = lambda: self.js("return [...document.querySelectorAll('#health b')].map(b => b.textContent)")
+        wait_for(lambda: "Tracking (kite) on drone-1" in names(), "the frontend of another host")
+        self.assertIn(f"Merger on {os.uname().nodename}", names())
+        self.shot("15_two_hosts")
+        self.assertEqual(vehicle.wait(), 0, vehicle.text())
+        self.check_console()
 
     def test_9_database_alone_and_strangers(self):
         alone = os.path.join(self.folder, "alone")

@@ -49,6 +49,8 @@ TEST_F(HealthTest, TellsWhatItsOwnerHasSetAsOfItsLastSignOfLife) {
   ASSERT_TRUE(health);
   EXPECT_EQ(health->process, "merger");
   EXPECT_EQ(health->pid, getpid());
+  EXPECT_EQ(health->host, HostName());
+  EXPECT_FALSE(health->host.empty());
   EXPECT_EQ(health->message, "refining");
   EXPECT_EQ(CounterOf(*health, "broadcasts"), 3);
   ASSERT_EQ(health->num_cursors, 1);

@@ -86,6 +86,7 @@ TEST(LiveStateTest, EveryVehicleHasItsFrontend) {
   LiveInputs inputs;
   Health health;
   health.process = "frontend";
+  health.host = HostName();
   health.state = "busy";
   inputs.OnHealth(health);
   EXPECT_EQ(Values(MapModel(), inputs)["process/frontend"]["state"], "busy");
@@ -101,10 +102,52 @@ TEST(LiveStateTest, EveryVehicleHasItsFrontend) {
   EXPECT_TRUE(values.contains("process/frontend/b"));
 }
 
+TEST(LiveStateTest, ProcessesOfOneNameOnSeveralHostsStandSideBySide) {
+  LiveInputs inputs;
+  Health health;
+  health.process = "hub";
+  health.host = HostName();
+  inputs.OnHealth(health);
+  health.host = "drone-1";
+  health.rss_mb = 9;
+  inputs.OnHealth(health);
+  health.process = "frontend";  // has no session yet
+  inputs.OnHealth(health);
+  Json values = Values(MapModel(), inputs);
+  EXPECT_EQ(values["process/hub"]["host"], HostName());
+  EXPECT_EQ(values["process/hub@drone-1"]["host"], "drone-1");
+  EXPECT_EQ(values["process/hub@drone-1"]["rss_mb"], 9);
+  EXPECT_TRUE(values.contains("process/frontend@drone-1"));
+  health.cursors = {{"a", 1}};
+  inputs.OnHealth(health);
+  values = Values(MapModel(), inputs);
+  EXPECT_FALSE(values.contains("process/frontend@drone-1"));
+  EXPECT_EQ(values["process/frontend/a"]["host"], "drone-1");
+}
+
+TEST(LiveStateTest, WhoeverHasNotReadAllIsBehind) {
+  LiveInputs inputs;
+  Health health;
+  health.host = HostName();
+  const auto tell = [&](const char* process, std::map<std::string, int64_t> cursors) {
+    health.process = process;
+    health.cursors = std::move(cursors);
+    inputs.OnHealth(health);
+  };
+  tell("frontend", {{"a", 90}});
+  tell("submap_store", {{"a", 80}, {"b", 7}});
+  tell("merger", {{"a", 50}, {"b", 5}});
+  const Json values = Values(MapModel(), inputs);
+  EXPECT_EQ(values["process/frontend/a"]["behind"], 0);
+  EXPECT_EQ(values["process/submap_store"]["behind"], 10);
+  EXPECT_EQ(values["process/merger"]["behind"], 42);
+}
+
 TEST(LiveStateTest, SilenceCountsOnlyWhileSomebodyListens) {
   LiveInputs inputs;
   Health health;
   health.process = "merger";
+  health.host = HostName();
   inputs.OnHealth(health);
   inputs.WasDeaf(-std::chrono::seconds(20));  // as if it had been heard long ago
   EXPECT_EQ(Values(MapModel(), inputs)["process/merger"]["silent_s"], 23);

@@ -28,6 +28,7 @@ Health RandomHealth(RandomValues* random) {
   Health health;
   health.process = random->Text();
   health.pid = random->Int(1, 1 << 22);
+  health.host = random->Text();
   health.version = random->Text();
   health.utime = random->Seq();
   health.state = random->Text();
@@ -67,6 +68,7 @@ TEST(StreamCodec, EveryFieldIsWhereItsMessageHasIt) {
   Health health;
   health.process = "merger";
   health.pid = 12;
+  health.host = "air";
   health.counters["connections"] = 3;
   health.cursors["s"] = 8;
   health_t message{};
@@ -74,6 +76,7 @@ TEST(StreamCodec, EveryFieldIsWhereItsMessageHasIt) {
   ASSERT_TRUE(DecodeMessage(bytes.data(), static_cast<int>(bytes.size()), &message));
   EXPECT_EQ(message.process, "merger");
   EXPECT_EQ(message.pid, 12);
+  EXPECT_EQ(message.host, "air");
   ASSERT_EQ(message.num_counters, 1);
   EXPECT_EQ(message.counters[0].name, "connections");
   EXPECT_EQ(message.counters[0].value, 3);

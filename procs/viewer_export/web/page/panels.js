@@ -99,13 +99,14 @@ const kCounters = {frames_dropped: "dropped", gaps: "gaps", bad_messages: "bad m
   images_awaited: "images awaited", images_lost: "images lost", requests_shed: "requests shed", track_ms_median: "ms a frame", broadcast_ms_median: "ms to a merge"};
 
 export function drawHealth(processes, run, mergingFor) {
+  const isFar = new Set(processes.map(p => p.host)).size > 1;
   const cards = processes.map(p => {
     const state = stateOf(p, run, mergingFor), details = Object.entries(kCounters).filter(([name]) => p.counters[name] > 0)
       .map(([name, label]) => `${Math.round(p.counters[name] * 10) / 10} ${label}`);
     const mark = {good: "●", busy: "◐", bad: "▲", rest: "○"}[state.kind];
     return element("div", {class: `process ${state.kind}`}, element("span", {class: "mark", "aria-hidden": "true"}, mark),
-      element("div", {}, element("b", {}, `${kNames[p.name] ?? p.name}${p.vehicle ? ` (${p.vehicle})` : ""}`), " ", state.text,
-        element("small", {}, [p.queue > 0 ? `queue ${p.queue}` : "", `${p.cpu_s.toFixed(1)} s CPU`, `${p.rss_mb.toFixed(0)} MB`, ...details].filter(Boolean).join(" · "))));
+      element("div", {}, element("b", {}, `${kNames[p.name] ?? p.name}${p.vehicle ? ` (${p.vehicle})` : ""}${isFar ? ` on ${p.host}` : ""}`), " ", state.text,
+        element("small", {}, [p.queue > 0 ? `queue ${p.queue}` : "", p.behind > 0 ? `${plural(p.behind, "record")} behind` : "", `${p.cpu_s.toFixed(1)} s CPU`, `${p.rss_mb.toFixed(0)} MB`, ...details].filter(Boolean).join(" · "))));
   });
   at("health").replaceChildren(...(cards.length > 0 ? cards : [element("p", {class: "note"}, run.is_stored ? "A stored map: nothing runs." : "Nothing has been heard yet.")]));
 }
