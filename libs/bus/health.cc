@@ -48,8 +48,8 @@ Decoded<Health> Decode(const uint8_t* data, int size) {
   Decoded<health_t> message = Decode<health_t>(data, size);
   if (!message.value) return {std::nullopt, message.error};
   const health_t& m = *message.value;
-  Health health{m.process, m.pid, m.host,        m.version, m.utime,  m.state,       m.message,
-                {},        m.queue_depth, m.cpu_s,   m.rss_mb, m.peak_rss_mb, {}};
+  Health health{m.process, m.pid,         m.host,  m.version, m.utime,       m.state, m.message,
+                {},        m.queue_depth, m.cpu_s, m.rss_mb,  m.peak_rss_mb, {}};
   for (const cursor_t& cursor : m.cursors) health.cursors[cursor.session] = cursor.seq;
   for (const counter_t& counter : m.counters) health.counters[counter.name] = counter.value;
   return {std::move(health), ""};
