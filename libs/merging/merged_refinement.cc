@@ -17,25 +17,6 @@ RelationSigmas LargerOf(const RelationSigmas& a, const RelationSigmas& b) {
   return {std::max(a.rotation, b.rotation), std::max(a.translation, b.translation), std::max(a.scale, b.scale)};
 }
 
-std::vector<PoseGraphEdge> Relations(const MergedMap& map, const std::vector<RefinementLink>& links,
-                                     const KeyframeRelationOptions& options) {
-  std::vector<PoseGraphEdge> edges;
-  for (int s = 0, first = 0; s < static_cast<int>(map.submaps.size()); ++s) {
-    AddTrackedRelations(*map.submaps[s].submap, first, options, &edges);
-    first += static_cast<int>(map.submaps[s].submap->keyframes.size());
-  }
-  for (const RefinementLink& link : links) {
-    const int a = map.FindKeyframe(link.submap_a, link.keyframe_a),
-              b = map.FindKeyframe(link.submap_b, link.keyframe_b);
-    if (a < 0 || b < 0) continue;  // culled since
-    edges.push_back(VerifiedRelation(*map.submaps[link.submap_a].submap, link.keyframe_a, a,
-                                     *map.submaps[link.submap_b].submap, link.keyframe_b, b, link.b_from_a,
-                                     LargerOf(link.sigmas, options.verified)));
-    edges.back().robust = link.robust;
-  }
-  return edges;
-}
-
 PoseGraphSummary SolvePoseGraph(const std::vector<PoseGraphEdge>& edges, const PoseGraphOptions& options,
                                 const std::vector<PositionPrior>& positions, MergedMap* map) {
   std::vector<Similarity3> vertices;
@@ -223,7 +204,7 @@ MergedRefinementResult Refinement::Run(const std::vector<RefinementLink>& links)
 }
 
 void Refinement::SolveLinks(const std::vector<RefinementLink>& links) {
-  if (!links.empty()) edges_ = Relations(map_, links, options_.relations);
+  if (!links.empty()) edges_ = RefinementRelations(map_, links, options_.relations);
   num_links_and_tracked_ = edges_.size();
   if (!edges_.empty()) {
     Report(Format("pose graph of %zu keyframes and %zu relations", map_.keyframes.size(), edges_.size()));
@@ -329,6 +310,25 @@ std::string MergedRefinementOptions::Check() const { return CheckOptions(*this);
 std::string MergedRefinementOptions::Conflict() const {
   if (!radii.empty() && radii.size() == iterations.size()) return "";
   return "radii and iterations must have the same, positive length";
+}
+
+std::vector<PoseGraphEdge> RefinementRelations(const MergedMap& map, const std::vector<RefinementLink>& links,
+                                               const KeyframeRelationOptions& options) {
+  std::vector<PoseGraphEdge> edges;
+  for (int s = 0, first = 0; s < static_cast<int>(map.submaps.size()); ++s) {
+    AddTrackedRelations(*map.submaps[s].submap, first, options, &edges);
+    first += static_cast<int>(map.submaps[s].submap->keyframes.size());
+  }
+  for (const RefinementLink& link : links) {
+    const int a = map.FindKeyframe(link.submap_a, link.keyframe_a),
+              b = map.FindKeyframe(link.submap_b, link.keyframe_b);
+    if (a < 0 || b < 0) continue;  // culled since
+    edges.push_back(VerifiedRelation(*map.submaps[link.submap_a].submap, link.keyframe_a, a,
+                                     *map.submaps[link.submap_b].submap, link.keyframe_b, b, link.b_from_a,
+                                     LargerOf(link.sigmas, options.verified)));
+    edges.back().robust = link.robust;
+  }
+  return edges;
 }
 
 MergedRefinementResult RefineMergedMap(const std::vector<SubmapView>& submaps,

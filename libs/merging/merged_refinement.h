@@ -95,6 +95,10 @@ struct MergedRefinementResult {
   std::vector<Similarity3> root_from_submap;  // best single similarity of each submap in the refined map
 };
 
+// Relations of the pose graph over the keyframes of the map: as tracked, and the links whose keyframes are still there.
+std::vector<PoseGraphEdge> RefinementRelations(const MergedMap& map, const std::vector<RefinementLink>& links,
+                                               const KeyframeRelationOptions& options);
+
 // Refines one component: Sim(3) pose graph over all keyframes with all links, fusion of duplicate points between
 // overlapping keyframes of all submaps, bundle adjustment; repeated with narrowing search. The frame stays that of
 // submap 0. A refinement that does not lower the reprojection error is not taken. progress(text) is called between the

@@ -12,6 +12,7 @@
 #include "libs/base/median.h"
 #include "libs/base/rounded.h"
 #include "libs/base/text_format.h"
+#include "libs/map_view/dead_reckoning.h"
 #include "procs/viewer_export/holes.h"
 
 namespace mapmend {
@@ -147,6 +148,7 @@ void FindConnections(const Snapshot& snapshot, GapReport* report) {
     report->gaps.push_back(gap);
   }
   // Parts whose place is not known.
+  const std::vector<LikelyPlace> places = FindLikelyPlaces(snapshot);
   for (int c = 0; c < static_cast<int>(snapshot.components.size()); ++c) {
     if (std::find(parts.begin(), parts.end(), c) != parts.end() || snapshot.components[c].frames.empty()) continue;
     Gap gap;
@@ -155,6 +157,10 @@ void FindConnections(const Snapshot& snapshot, GapReport* report) {
     const auto& frames = snapshot.components[c].frames;
     gap.text = Format("nothing joins %s (frames %d to %d) and the main map; where it lies is not known",
                       PartName(c).c_str(), frames.front().frame, frames.back().frame);
+    const auto place = std::find_if(places.begin(), places.end(), [&](const LikelyPlace& p) {
+      return snapshot.submaps[p.earlier].component == c || snapshot.submaps[p.later].component == c;
+    });
+    if (place != places.end()) gap.text += ": " + DescribeLikelyPlace(*place, snapshot);
     report->gaps.push_back(gap);
   }
 }

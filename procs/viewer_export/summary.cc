@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "libs/base/degree.h"
+#include "libs/map_view/dead_reckoning.h"
 #include "procs/viewer_export/graph_export.h"
 #include "procs/viewer_export/holes.h"
 #include "procs/viewer_export/restoration.h"
@@ -138,6 +140,30 @@ OrderedJson Connections(const Snapshot& snapshot, const std::vector<GraphEdge>& 
   return connections;
 }
 
+OrderedJson LikelyPlaces(const Snapshot& snapshot) {
+  OrderedJson places = OrderedJson::array();
+  for (const LikelyPlace& place : FindLikelyPlaces(snapshot)) {
+    const SnapshotSubmap& earlier = snapshot.submaps[place.earlier];
+    const BridgedGap& gap = place.gap;
+    places.push_back({{"kind", "dead_reckoning"},
+                      {"a", earlier.number},
+                      {"b", snapshot.submaps[place.later].number},
+                      {"last_frame", place.last_frame},
+                      {"first_frame", place.first_frame},
+                      {"seconds", gap.seconds},
+                      {"unit", snapshot.components[earlier.component].frame.unit},
+                      {"distance", gap.before_from_after.translation.norm()},
+                      {"distance_sigma", gap.sigma_position},
+                      {"turn_deg", RotationAngle(gap.before_from_after.rotation) / kDegree},
+                      {"turn_sigma_deg", gap.sigma_angle / kDegree},
+                      {"scale", gap.scale},
+                      {"scale_sigma", gap.sigma_scale},
+                      {"a_from_b", ToArray(place.earlier_from_later)},
+                      {"text", DescribeLikelyPlace(place, snapshot)}});
+  }
+  return places;
+}
+
 OrderedJson Stack(const Snapshot& snapshot, const std::vector<std::vector<int>>& maps) {
   OrderedJson stack = OrderedJson::array();
   for (const std::vector<int>& map : maps) {
@@ -235,6 +261,7 @@ std::string MakeSummaryJson(const Snapshot& snapshot, const MapEvaluation* evalu
   json["submaps"] = Submaps(snapshot, evaluation);
   json["components"] = Components(snapshot, evaluation, num_points);
   json["connections"] = Connections(snapshot, ListEdges(snapshot));
+  json["likely_places"] = LikelyPlaces(snapshot);
   json["loops"] = Connections(snapshot, ListLoops(snapshot));
   json["restoration"] = Restorations(snapshot);
   return json.dump(2, ' ', false, OrderedJson::error_handler_t::replace) + "\n";

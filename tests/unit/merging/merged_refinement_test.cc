@@ -110,6 +110,24 @@ TEST(MergedRefinement, MendsDriftAndScaleBetweenSubmaps) {
   }
 }
 
+TEST(MergedRefinement, ALinkPullsByWhatItsEvidenceLeavesOpen) {
+  const auto survey = MakeDriftingSurvey();
+  const MergedMap map = MakeMergedMap(survey->views, survey->tree);
+  const KeyframeRelationOptions options;
+  RefinementLink& link = survey->links[1];
+  const auto relation = [&] { return RefinementRelations(map, {link}, options).back(); };
+  const PoseGraphEdge plain = relation();
+  EXPECT_EQ(plain.sigma_rotation, options.verified.rotation);
+  EXPECT_EQ(plain.sigma_scale, options.verified.scale);
+  link.sigmas = {0.04, 0, 0.3};  // a loose one; but nothing is surer than what was verified
+  const PoseGraphEdge loose = relation();
+  EXPECT_EQ(loose.sigma_rotation, 0.04);
+  EXPECT_EQ(loose.sigma_translation, plain.sigma_translation);
+  EXPECT_EQ(loose.sigma_scale, 0.3);
+  link.keyframe_b = KeyframeId(99);  // culled since
+  EXPECT_EQ(RefinementRelations(map, {link}, options).size(), RefinementRelations(map, {}, options).size());
+}
+
 // Positions of every keyframe with noise, a few of them wrong.
 FlightPositions PositionsOf(const DriftingSurvey& survey, double noise) {
   FlightPositions positions;

@@ -85,6 +85,12 @@ TEST_F(ExporterTest, ASplitMapIsWrittenWithAllItsFiles) {
   EXPECT_EQ(summary["components"][1]["submaps"], nlohmann::json({2}));
   EXPECT_EQ(summary["components"][1]["frames"], 20);
   EXPECT_EQ(summary["submaps"][2]["component"], 1);
+  ASSERT_EQ(summary["likely_places"].size(), 1u);  // of what nothing joins
+  EXPECT_EQ(summary["likely_places"][0]["kind"], "dead_reckoning");
+  EXPECT_EQ(summary["likely_places"][0]["a"], 1);
+  EXPECT_EQ(summary["likely_places"][0]["b"], 2);
+  EXPECT_GT(summary["likely_places"][0]["distance_sigma"], 0.0);
+  EXPECT_THAT(Read("report.html"), HasSubstr("if the camera went on as before and behind it, frame 50 was"));
   EXPECT_EQ(summary["submaps"][0]["end_reason"], "too_few_matches");
   EXPECT_EQ(summary["submaps"][2]["end_reason"], "end_of_input");
   const auto& connection = summary["connections"][0];

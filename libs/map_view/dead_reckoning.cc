@@ -1,0 +1,193 @@
+#include "libs/map_view/dead_reckoning.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <map>
+
+#include "libs/base/rounded.h"
+#include "libs/base/text_format.h"
+
+namespace mapmend {
+namespace {
+
+constexpr size_t kFewestPoses = 3;
+// What the motion is measured over: as long as the gap, at least so many poses.
+constexpr size_t kFewestStepsOfMotion = 4;
+constexpr double kSmallAngle = 0.2;  // radians: below, the series are exact to the last bits
+
+Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
+// Per second, in the camera's own frame: a screw.
+struct Motion {
+  Eigen::Vector3d turn, velocity;
+};
+
+// The integral of a rotation that grows evenly: mean of exp(s w) over s from 0 to 1.
+Eigen::Matrix3d MeanRotation(const Eigen::Vector3d& w) {
+  const double angle = w.norm(), squared = angle * angle;
+  const Eigen::Matrix3d k = Cross(w);
+  const double a = angle < kSmallAngle
+                       ? 0.5 - squared / 24 + squared * squared / 720 - squared * squared * squared / 40320
+                       : (1 - std::cos(angle)) / squared;
+  const double b = angle < kSmallAngle
+                       ? 1.0 / 6 - squared / 120 + squared * squared / 5040 - squared * squared * squared / 362880
+                       : (angle - std::sin(angle)) / (squared * angle);
+  return Eigen::Matrix3d::Identity() + a * k + b * k * k;
+}
+
+Rigid3 Follow(const Motion& motion, double seconds) {
+  const Eigen::Vector3d w = seconds * motion.turn;
+  const double angle = w.norm();
+  const Eigen::Quaterniond rotation =
+      angle > 0 ? Eigen::Quaterniond(Eigen::AngleAxisd(angle, w / angle)) : Eigen::Quaterniond::Identity();
+  return {rotation, MeanRotation(w) * (seconds * motion.velocity)};
+}
+
+Motion MotionBetween(const PathPose& from, const PathPose& to) {
+  const double seconds = to.seconds - from.seconds;
+  const Rigid3 step = from.world_from_cam.Inverse() * to.world_from_cam;
+  const Eigen::AngleAxisd turn(step.rotation.w() < 0 ? Eigen::Quaterniond(-step.rotation.coeffs()) : step.rotation);
+  const Eigen::Vector3d w = turn.angle() * turn.axis();
+  return {w / seconds, MeanRotation(w).inverse() * step.translation / seconds};
+}
+
+// Index of the pose from which the motion up to the one at `end` is measured.
+size_t BeginOfMotion(const std::vector<PathPose>& path, size_t end, double seconds) {
+  size_t begin = end;
+  while (begin > 0 && (end - begin < kFewestStepsOfMotion || path[end].seconds - path[begin - 1].seconds <= seconds))
+    --begin;
+  return begin;
+}
+
+size_t EndOfMotion(const std::vector<PathPose>& path, size_t begin, double seconds) {
+  size_t end = begin;
+  while (end + 1 < path.size() &&
+         (end - begin < kFewestStepsOfMotion || path[end + 1].seconds - path[begin].seconds <= seconds))
+    ++end;
+  return end;
+}
+
+struct Guess {
+  Rigid3 before_from_after;
+  double scale = 1;
+};
+
+// Of the pose path[end] of one path and the pose other[begin] of another, or of the same one.
+bool MakeGuess(const std::vector<PathPose>& path, size_t end, const std::vector<PathPose>& other, size_t begin,
+               double seconds, Guess* guess) {
+  const size_t first = BeginOfMotion(path, end, seconds), last = EndOfMotion(other, begin, seconds);
+  if (first == end || last == begin) return false;
+  const Motion leaving = MotionBetween(path[first], path[end]);
+  Motion arriving = MotionBetween(other[begin], other[last]);
+  const double speed = leaving.velocity.norm(), other_speed = arriving.velocity.norm();
+  if (!(speed > 0) || !(other_speed > 0)) return false;
+  guess->scale = speed / other_speed;
+  arriving.velocity *= guess->scale;
+  guess->before_from_after = Follow(leaving, seconds / 2) * Follow(arriving, seconds / 2);
+  return true;
+}
+
+struct Errors {
+  double position = 0, angle = 0, scale = 0;  // sums of squares
+  int num = 0;
+};
+
+// What the guess does wrong across pieces of one path: unit is the length of one of its units.
+void AddErrors(const std::vector<PathPose>& path, double seconds, double unit, Errors* errors) {
+  for (size_t i = 1; i + 2 < path.size(); ++i) {
+    size_t k = i + 1;
+    while (k + 1 < path.size() && path[k].seconds - path[i].seconds < seconds) ++k;
+    const double gap = path[k].seconds - path[i].seconds;
+    if (k + 1 >= path.size() || gap < seconds) return;
+    Guess guess;
+    if (!MakeGuess(path, i, path, k, gap, &guess)) continue;
+    const Rigid3 truth = path[i].world_from_cam.Inverse() * path[k].world_from_cam;
+    errors->position += unit * unit * (guess.before_from_after.translation - truth.translation).squaredNorm();
+    errors->angle += std::pow(RotationAngle(guess.before_from_after.rotation * truth.rotation.conjugate()), 2);
+    errors->scale += std::pow(std::log(guess.scale), 2);
+    ++errors->num;
+  }
+}
+
+double Duration(const std::vector<PathPose>& path) { return path.back().seconds - path.front().seconds; }
+
+std::vector<PathPose> PathOf(const SnapshotSubmap& submap) {
+  std::vector<PathPose> path;
+  for (const MergedFrame& frame : submap.frames) {
+    const double seconds = 1e-6 * static_cast<double>(frame.utime);
+    if (path.empty() || seconds > path.back().seconds) path.push_back({seconds, frame.cam_from_root.Inverse()});
+  }
+  return path;
+}
+
+}  // namespace
+
+BridgedGap BridgeGap(const std::vector<PathPose>& before, const std::vector<PathPose>& after) {
+  BridgedGap gap;
+  if (before.size() < kFewestPoses || after.size() < kFewestPoses) return gap;
+  gap.seconds = after.front().seconds - before.back().seconds;
+  Guess guess;
+  if (!(gap.seconds > 0) || !MakeGuess(before, before.size() - 1, after, 0, gap.seconds, &guess)) return gap;
+  gap.success = true;
+  gap.before_from_after = guess.before_from_after;
+  gap.scale = guess.scale;
+  // A third of a path is left out, so that there is a motion on both sides of it.
+  const double piece = std::min(gap.seconds, std::max(Duration(before), Duration(after)) / 3);
+  Errors errors;
+  AddErrors(before, piece, 1, &errors);
+  AddErrors(after, piece, guess.scale, &errors);
+  if (errors.num == 0) {
+    gap.sigma_position = guess.before_from_after.translation.norm();
+    gap.sigma_angle = RotationAngle(guess.before_from_after.rotation);
+    gap.sigma_scale = 1;
+    return gap;
+  }
+  const double longer = gap.seconds / piece;
+  gap.sigma_position = longer * longer * std::sqrt(errors.position / errors.num);
+  gap.sigma_angle = longer * longer * std::sqrt(errors.angle / errors.num);
+  gap.sigma_scale = longer * std::sqrt(errors.scale / errors.num);
+  return gap;
+}
+
+std::vector<LikelyPlace> FindLikelyPlaces(const Snapshot& snapshot) {
+  // By the time at which they begin: a submap may hold frames from before another one that it was joined to.
+  std::map<std::pair<int, int64_t>, int> submaps;  // (session, time)
+  for (int i = 0; i < static_cast<int>(snapshot.submaps.size()); ++i) {
+    const SnapshotSubmap& submap = snapshot.submaps[i];
+    if (!submap.frames.empty()) submaps[{submap.session, submap.frames.front().utime}] = i;
+  }
+  std::vector<LikelyPlace> places;
+  const SnapshotSubmap* earlier = nullptr;
+  for (const auto& [key, index] : submaps) {
+    const SnapshotSubmap& later = snapshot.submaps[index];
+    if (earlier != nullptr && earlier->session == later.session && earlier->component != later.component) {
+      LikelyPlace place;
+      place.gap = BridgeGap(PathOf(*earlier), PathOf(later));
+      place.earlier = snapshot.FindSubmap(earlier->key);
+      place.later = index;
+      place.last_frame = earlier->frames.back().frame;
+      place.first_frame = later.frames.front().frame;
+      const Rigid3 earlier_from_cam = earlier->frames.back().cam_from_root.Inverse() * place.gap.before_from_after;
+      const Similarity3 scaled(place.gap.scale, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
+      place.earlier_from_later =
+          Similarity3(earlier_from_cam) * scaled * Similarity3(later.frames.front().cam_from_root);
+      if (place.gap.success) places.push_back(place);
+    }
+    earlier = &later;
+  }
+  return places;
+}
+
+std::string DescribeLikelyPlace(const LikelyPlace& place, const Snapshot& snapshot) {
+  const std::string& unit = snapshot.components[snapshot.submaps[place.earlier].component].frame.unit;
+  const double distance = place.gap.before_from_after.translation.norm();
+  return Format("if the camera went on as before and behind it, frame %d was ", place.first_frame) + Rounded(distance) +
+         " (± " + Rounded(place.gap.sigma_position) + ") " + unit + Format(" from frame %d", place.last_frame);
+}
+
+}  // namespace mapmend
