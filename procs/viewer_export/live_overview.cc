@@ -32,10 +32,10 @@ std::string Share(double part, double whole) {
 
 void PublishFigures(const Snapshot& snapshot, LiveFeed* feed) {
   const size_t main = snapshot.components.empty() ? 0 : snapshot.components[0].frames.size();
-  size_t keyframes = 0, points = 0, accepted = 0, losses = 0;
+  const size_t points = snapshot.components.empty() ? 0 : ComponentPoints(snapshot, 0).size();
+  size_t keyframes = 0, accepted = 0, losses = 0;
   for (const SnapshotSubmap& s : snapshot.submaps) {
     keyframes += s.submap->keyframes.size();
-    points += s.submap->points.size();
     losses += s.Lost() ? 1 : 0;
   }
   const std::vector<GraphEdge> connections = ListEdges(snapshot);
@@ -53,7 +53,7 @@ void PublishFigures(const Snapshot& snapshot, LiveFeed* feed) {
                                  {"connections_accepted", accepted},
                                  {"connections_evaluated", connections.size()},
                                  {"keyframes", keyframes},
-                                 {"points", points}}));
+                                 {"points_in_main", points}}));
 }
 
 // Table 1 of the paper, as far as the flight has come.

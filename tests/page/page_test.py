@@ -252,6 +252,7 @@ class PageTest(unittest.TestCase):
         figures = self.js("return mapmend.feed.values.get('figures')")
         self.assertEqual(figures["frames_in_main"], summary["frames_in_main"])
         self.assertEqual(figures["frames_tracked"], summary["frames_tracked"])
+        self.assertEqual(figures["points_in_main"], summary["points_in_main"])
         self.assertEqual(figures["losses"], summary["losses"])
         self.assertEqual(figures["connections_evaluated"], len(summary["connections"]))
         self.assertEqual(len(self.js("return mapmend.map.restoration")), len(summary["restoration"]))

@@ -165,6 +165,7 @@ TEST(LiveOverviewTest, TellsFiguresRestorationFramesAndGaps) {
   const Json values = Json::parse(feed.Values());
   EXPECT_EQ(values["figures"]["frames_tracked"], 40);
   EXPECT_EQ(values["figures"]["losses"], 1);
+  EXPECT_EQ(values["figures"]["points_in_main"], ComponentPoints(MakeSnapshot(model), 0).size());
   ASSERT_EQ(values["restoration"].size(), 3u);
   EXPECT_EQ(values["restoration"][1]["L1"], "A");
   EXPECT_EQ(values["restoration"][1]["lost"], "0:0");

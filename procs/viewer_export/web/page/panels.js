@@ -11,7 +11,7 @@ export function drawFigures(f) {
     box(f.submaps, f.submaps === 1 ? "submap" : "submaps", plural(f.losses, "loss").replace("losss", "losses")),
     box(f.parts, f.parts === 1 ? "part" : "parts", f.parts > 1 ? "not joined" : ""),
     box(f.connections_accepted, "connections", `of ${f.connections_evaluated} compared`),
-    box(f.keyframes, "keyframes", ""), box(f.points, "points", ""));
+    box(f.keyframes, "keyframes", ""), box(f.points_in_main, "points in the main map", ""));
 }
 
 export function drawRestoration(map) {
