@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <map>
+#include <optional>
+#include <utility>
 
 #include "libs/base/rounded.h"
 #include "libs/base/text_format.h"
@@ -14,6 +15,7 @@ namespace {
 constexpr size_t kFewestPoses = 3;
 // What the motion is measured over: as long as the gap, at least so many poses.
 constexpr size_t kFewestStepsOfMotion = 4;
+constexpr size_t kMostPieces = 500;  // of one path that are looked at
 constexpr double kSmallAngle = 0.2;  // radians: below, the series are exact to the last bits
 
 Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
@@ -77,19 +79,19 @@ struct Guess {
   double scale = 1;
 };
 
-// Of the pose path[end] of one path and the pose other[begin] of another, or of the same one.
-bool MakeGuess(const std::vector<PathPose>& path, size_t end, const std::vector<PathPose>& other, size_t begin,
-               double seconds, Guess* guess) {
+// From the pose path[end] of one path to the pose other[begin] of another, or of the same one. None if either stands
+// still, or ends there.
+std::optional<Guess> MakeGuess(const std::vector<PathPose>& path, size_t end, const std::vector<PathPose>& other,
+                               size_t begin, double seconds) {
   const size_t first = BeginOfMotion(path, end, seconds), last = EndOfMotion(other, begin, seconds);
-  if (first == end || last == begin) return false;
+  if (first == end || last == begin) return std::nullopt;
   const Motion leaving = MotionBetween(path[first], path[end]);
   Motion arriving = MotionBetween(other[begin], other[last]);
   const double speed = leaving.velocity.norm(), other_speed = arriving.velocity.norm();
-  if (!(speed > 0) || !(other_speed > 0)) return false;
-  guess->scale = speed / other_speed;
-  arriving.velocity *= guess->scale;
-  guess->before_from_after = Follow(leaving, seconds / 2) * Follow(arriving, seconds / 2);
-  return true;
+  if (!(speed > 0) || !(other_speed > 0)) return std::nullopt;
+  const double scale = speed / other_speed;
+  arriving.velocity *= scale;
+  return Guess{Follow(leaving, seconds / 2) * Follow(arriving, seconds / 2), scale};
 }
 
 struct Errors {
@@ -99,17 +101,17 @@ struct Errors {
 
 // What the guess does wrong across pieces of one path: unit is the length of one of its units.
 void AddErrors(const std::vector<PathPose>& path, double seconds, double unit, Errors* errors) {
-  for (size_t i = 1; i + 2 < path.size(); ++i) {
+  for (size_t i = 1; i + 2 < path.size(); i += 1 + path.size() / kMostPieces) {
     size_t k = i + 1;
     while (k + 1 < path.size() && path[k].seconds - path[i].seconds < seconds) ++k;
     const double gap = path[k].seconds - path[i].seconds;
     if (k + 1 >= path.size() || gap < seconds) return;
-    Guess guess;
-    if (!MakeGuess(path, i, path, k, gap, &guess)) continue;
+    const std::optional<Guess> guess = MakeGuess(path, i, path, k, gap);
+    if (!guess) continue;
     const Rigid3 truth = path[i].world_from_cam.Inverse() * path[k].world_from_cam;
-    errors->position += unit * unit * (guess.before_from_after.translation - truth.translation).squaredNorm();
-    errors->angle += std::pow(RotationAngle(guess.before_from_after.rotation * truth.rotation.conjugate()), 2);
-    errors->scale += std::pow(std::log(guess.scale), 2);
+    errors->position += unit * unit * (guess->before_from_after.translation - truth.translation).squaredNorm();
+    errors->angle += std::pow(RotationAngle(guess->before_from_after.rotation * truth.rotation.conjugate()), 2);
+    errors->scale += std::pow(std::log(guess->scale), 2);
     ++errors->num;
   }
 }
@@ -131,19 +133,20 @@ BridgedGap BridgeGap(const std::vector<PathPose>& before, const std::vector<Path
   BridgedGap gap;
   if (before.size() < kFewestPoses || after.size() < kFewestPoses) return gap;
   gap.seconds = after.front().seconds - before.back().seconds;
-  Guess guess;
-  if (!(gap.seconds > 0) || !MakeGuess(before, before.size() - 1, after, 0, gap.seconds, &guess)) return gap;
+  if (!(gap.seconds > 0)) return gap;
+  const std::optional<Guess> guess = MakeGuess(before, before.size() - 1, after, 0, gap.seconds);
+  if (!guess) return gap;
   gap.success = true;
-  gap.before_from_after = guess.before_from_after;
-  gap.scale = guess.scale;
-  // A third of a path is left out, so that there is a motion on both sides of it.
+  gap.before_from_after = guess->before_from_after;
+  gap.scale = guess->scale;
+  // At most a third of the longer path, so that there is a motion on both sides of each piece.
   const double piece = std::min(gap.seconds, std::max(Duration(before), Duration(after)) / 3);
   Errors errors;
   AddErrors(before, piece, 1, &errors);
-  AddErrors(after, piece, guess.scale, &errors);
+  AddErrors(after, piece, gap.scale, &errors);
   if (errors.num == 0) {
-    gap.sigma_position = guess.before_from_after.translation.norm();
-    gap.sigma_angle = RotationAngle(guess.before_from_after.rotation);
+    gap.sigma_position = gap.before_from_after.translation.norm();
+    gap.sigma_angle = RotationAngle(gap.before_from_after.rotation);
     gap.sigma_scale = 1;
     return gap;
   }
@@ -166,17 +169,13 @@ std::vector<LikelyPlace> FindLikelyPlaces(const Snapshot& snapshot) {
   for (const auto& [key, index] : submaps) {
     const SnapshotSubmap& later = snapshot.submaps[index];
     if (earlier != nullptr && earlier->session == later.session && earlier->component != later.component) {
-      LikelyPlace place;
-      place.gap = BridgeGap(PathOf(*earlier), PathOf(later));
-      place.earlier = snapshot.FindSubmap(earlier->key);
-      place.later = index;
-      place.last_frame = earlier->frames.back().frame;
-      place.first_frame = later.frames.front().frame;
-      const Rigid3 earlier_from_cam = earlier->frames.back().cam_from_root.Inverse() * place.gap.before_from_after;
-      const Similarity3 scaled(place.gap.scale, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
-      place.earlier_from_later =
-          Similarity3(earlier_from_cam) * scaled * Similarity3(later.frames.front().cam_from_root);
-      if (place.gap.success) places.push_back(place);
+      const MergedFrame &last = earlier->frames.back(), &first = later.frames.front();
+      const BridgedGap gap = BridgeGap(PathOf(*earlier), PathOf(later));
+      const Similarity3 scaled(gap.scale, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
+      const Similarity3 earlier_from_later =
+          Similarity3(last.cam_from_root.Inverse() * gap.before_from_after) * scaled * Similarity3(first.cam_from_root);
+      if (gap.success)
+        places.push_back({snapshot.FindSubmap(earlier->key), index, last.frame, first.frame, gap, earlier_from_later});
     }
     earlier = &later;
   }

@@ -20,9 +20,9 @@ struct PathPose {
 struct BridgedGap {
   bool success = false;  // false: a path is too short, or stands still, or there is no time in between
   double seconds = 0;
-  Rigid3
-      before_from_after;  // between the last camera of the first path and the first of the second, units of the first
-  double scale = 1;       // length of one unit of the second path in those of the first, from equal speed
+  // Between the last camera of the first path and the first one of the second path, units of the first.
+  Rigid3 before_from_after;
+  double scale = 1;  // length of one unit of the second path in those of the first, from equal speed
   // One sigma, by what the same guess does wrong across pieces of the two paths that are as long as the gap, or, if
   // they are too short for that, across shorter ones, as if an acceleration had been overlooked.
   double sigma_position = 0;  // units of the first path
