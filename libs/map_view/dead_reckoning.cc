@@ -8,6 +8,7 @@
 
 #include "libs/base/rounded.h"
 #include "libs/base/text_format.h"
+#include "libs/geometry/left_jacobian.h"
 
 namespace mapmend {
 namespace {
@@ -16,38 +17,18 @@ constexpr size_t kFewestPoses = 3;
 // What the motion is measured over: as long as the gap, at least so many poses.
 constexpr size_t kFewestStepsOfMotion = 4;
 constexpr size_t kMostPieces = 500;  // of one path that are looked at
-constexpr double kSmallAngle = 0.2;  // radians: below, the series are exact to the last bits
-
-Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
 
 // Per second, in the camera's own frame: a screw.
 struct Motion {
   Eigen::Vector3d turn, velocity;
 };
 
-// The integral of a rotation that grows evenly: mean of exp(s w) over s from 0 to 1.
-Eigen::Matrix3d MeanRotation(const Eigen::Vector3d& w) {
-  const double angle = w.norm(), squared = angle * angle;
-  const Eigen::Matrix3d k = Cross(w);
-  const double a = angle < kSmallAngle
-                       ? 0.5 - squared / 24 + squared * squared / 720 - squared * squared * squared / 40320
-                       : (1 - std::cos(angle)) / squared;
-  const double b = angle < kSmallAngle
-                       ? 1.0 / 6 - squared / 120 + squared * squared / 5040 - squared * squared * squared / 362880
-                       : (angle - std::sin(angle)) / (squared * angle);
-  return Eigen::Matrix3d::Identity() + a * k + b * k * k;
-}
-
 Rigid3 Follow(const Motion& motion, double seconds) {
   const Eigen::Vector3d w = seconds * motion.turn;
   const double angle = w.norm();
   const Eigen::Quaterniond rotation =
       angle > 0 ? Eigen::Quaterniond(Eigen::AngleAxisd(angle, w / angle)) : Eigen::Quaterniond::Identity();
-  return {rotation, MeanRotation(w) * (seconds * motion.velocity)};
+  return {rotation, LeftJacobian(w) * (seconds * motion.velocity)};
 }
 
 Motion MotionBetween(const PathPose& from, const PathPose& to) {
@@ -55,7 +36,7 @@ Motion MotionBetween(const PathPose& from, const PathPose& to) {
   const Rigid3 step = from.world_from_cam.Inverse() * to.world_from_cam;
   const Eigen::AngleAxisd turn(step.rotation.w() < 0 ? Eigen::Quaterniond(-step.rotation.coeffs()) : step.rotation);
   const Eigen::Vector3d w = turn.angle() * turn.axis();
-  return {w / seconds, MeanRotation(w).inverse() * step.translation / seconds};
+  return {w / seconds, LeftJacobian(w).inverse() * step.translation / seconds};
 }
 
 // Index of the pose from which the motion up to the one at `end` is measured.

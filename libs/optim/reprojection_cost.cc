@@ -2,27 +2,16 @@
 
 #include <cmath>
 
-#include "libs/geometry/skew.h"
+#include "libs/geometry/left_jacobian.h"
 #include "libs/optim/behind_camera.h"
 
 namespace mapmend {
 namespace {
 
-constexpr double kSmallAngle = 1e-5;  // below, the series' next term is lost in rounding
-
 Eigen::Quaterniond ExpRotation(const Eigen::Vector3d& w) {
   const double angle = w.norm();
   if (angle < 1e-12) return Eigen::Quaterniond(1, w.x() / 2, w.y() / 2, w.z() / 2).normalized();
   return Eigen::Quaterniond(Eigen::AngleAxisd(angle, w / angle));
-}
-
-Eigen::Matrix3d LeftJacobian(const Eigen::Vector3d& w) {
-  const double angle = w.norm();
-  const Eigen::Matrix3d W = Skew(w);
-  if (angle < kSmallAngle) return Eigen::Matrix3d::Identity() + 0.5 * W;
-  const double squared = angle * angle;
-  return Eigen::Matrix3d::Identity() + (1 - std::cos(angle)) / squared * W +
-         (angle - std::sin(angle)) / (squared * angle) * W * W;
 }
 
 }  // namespace
