@@ -7,6 +7,8 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
+#include "libs/features/wide_signature.h"
+
 namespace mapmend {
 namespace {
 
@@ -113,6 +115,26 @@ WideFeatures FrameMaker::ExtractWide(const cv::Mat& image, const WideExtractionO
   Keep(seen, &features.keypoints);
   Keep(seen, &features.descriptors);
   return features;
+}
+
+FramePtr FrameMaker::WithWideFeatures(const FramePtr& photo, const WideExtractionOptions& options) const {
+  auto frame = std::make_shared<Frame>();
+  frame->index = photo->index;
+  frame->utime = photo->utime;
+  frame->mean_brightness = photo->mean_brightness;
+  frame->sharpness = photo->sharpness;
+  frame->photo = photo;
+  const std::shared_ptr<const cv::Mat> image = photo->image;
+  frame->features = SignaturesOf(ExtractWide(*image, options), extractor_.ImagePyramid());
+  const double scale = static_cast<double>(image->cols) / camera_.width;
+  for (const Keypoint& k : frame->features.keypoints) {
+    const int x = std::clamp(static_cast<int>(std::lround(scale * k.pixel.x())), 0, image->cols - 1);
+    const int y = std::clamp(static_cast<int>(std::lround(scale * k.pixel.y())), 0, image->rows - 1);
+    const uint8_t grey = image->at<uint8_t>(y, x);
+    frame->features.colors.push_back({grey, grey, grey});
+  }
+  frame->grid = FeatureGrid(frame->features.keypoints, camera_.width, camera_.height);
+  return frame;
 }
 
 }  // namespace mapmend

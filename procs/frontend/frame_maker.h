@@ -31,6 +31,8 @@ class FrameMaker {
   FramePtr Make(const SourceImage& image) const;
   // Of the image of a frame, undistorted.
   WideFeatures ExtractWide(const cv::Mat& image, const WideExtractionOptions& options) const;
+  // The same photo, which must hold its image, with the signatures of wide features in place of ORB's.
+  FramePtr WithWideFeatures(const FramePtr& photo, const WideExtractionOptions& options) const;
 
  private:
   int input_width_, input_height_;

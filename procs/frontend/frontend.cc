@@ -41,6 +41,9 @@ Frontend::Frontend(const FrontendOptions& options, const Pinhole& camera, const 
       second_opinion_(options.second_opinion, options.starter.initializer, camera, pyramid, &tracker_, &mapper_),
       relocaliser_(options.relocaliser, vocabulary),
       wide_(options.wide),
+      sparse_(options.sparse),
+      sparse_beginning_(options.sparse.pairs, camera, pyramid),
+      extension_(options.sparse.pairs, camera, pyramid),
       motion_(options.motion) {
   if (!options.mapping_thread) return;
   mapping_ =
@@ -55,6 +58,7 @@ FrameOutcome Frontend::ProcessFrame(const FramePtr& frame) {
   mapping_s_ = 0;
   EmitWide();
   wide_.OnFrame(frame, map_.get());
+  sparse_.OnFrame(frame);
   FrameOutcome outcome = map_ ? TrackFrame(frame) : Initialise(frame);
   wide_.AfterFrame(frame, map_ && publisher_.Believed() && lost_.Count() == 0);
   outcome.mapping_s = mapping_s_;
@@ -72,16 +76,60 @@ void Frontend::EmitWide() {
 FrameOutcome Frontend::Initialise(const FramePtr& frame) {
   const StageTimer timer("track/initialise");
   FrameOutcome outcome;
-  const Initialization initialization = starter_.AddFrame(frame);
+  const Initialization initialization = AddToBeginning(frame);
   outcome.reason = initialization.reason;
   outcome.cause = initialization.success ? LossReason::kNotConfirmed : diagnosis_.OfBeginning(*frame, initialization);
   Begin(initialization, &outcome);
-  return outcome;
+  return map_ && map_is_sparse_ ? TrackThird(frame) : outcome;
+}
+
+Initialization Frontend::AddToBeginning(const FramePtr& frame) {
+  Initialization initialization;
+  const FramePtr& photo = HolderOf(frame);
+  if (!all_is_sparse_) initialization = starter_.AddFrame(photo);
+  if (initialization.success) {
+    unconverted_.push_back(photo);
+  } else if (!options_.relocalise_only) {
+    const Initialization sparse = AddToSparseBeginning(photo);
+    if (sparse.success || all_is_sparse_) return sparse;
+  }
+  return initialization;
+}
+
+Initialization Frontend::AddToSparseBeginning(const FramePtr& photo) {
+  Initialization none;
+  none.reason = LossReason::kTooFewMatches;
+  unconverted_.push_back(photo);
+  if (!sparse_.Come()) {
+    while (unconverted_.size() > 1) unconverted_.erase(unconverted_.begin());
+    return none;
+  }
+  for (size_t i = 0; i + 1 < unconverted_.size(); ++i) {
+    if (unconverted_[i]->image) sparse_beginning_.Keep(sparse_.Converted(unconverted_[i]));
+  }
+  unconverted_.clear();
+  return sparse_beginning_.AddFrame(sparse_.Converted(photo));
+}
+
+void Frontend::KeepForBeginning(const FramePtr& frame) {
+  if (!all_is_sparse_) starter_.Keep(HolderOf(frame));
+  if (frame->photo) {
+    sparse_beginning_.Keep(frame);
+  } else if (sparse_.Come()) {
+    unconverted_.push_back(frame);
+  }
+}
+
+void Frontend::ClearBeginning() {
+  starter_.Clear();
+  sparse_beginning_.Clear();
+  unconverted_.clear();
 }
 
 void Frontend::Begin(const Initialization& initialization, FrameOutcome* outcome) {
   if (!initialization.success) return;
-  std::unique_ptr<WorkingMap> map = starter_.Start(initialization, &ids_);
+  map_is_sparse_ = initialization.first->photo != nullptr;
+  std::unique_ptr<WorkingMap> map = starter_.Start(initialization, map_is_sparse_ ? sparse_beginning_.Frames() : starter_.Frames(), &ids_);
   if (!map) return;
   map_ = std::move(map);
   trial_.Begin(initialization, *map_);
@@ -102,8 +150,21 @@ void Frontend::Begin(const Initialization& initialization, FrameOutcome* outcome
   outcome->num_inliers = static_cast<int>(initialization.points.size());
 }
 
-FrameOutcome Frontend::TrackFrame(const FramePtr& frame) {
-  const TrackResult result = Track(*frame);
+// A beginning of photos came of three: the newest must be seen in the map of the other two.
+FrameOutcome Frontend::TrackThird(const FramePtr& photo) {
+  const FramePtr frame = sparse_.Converted(HolderOf(photo));
+  const TrackResult result = Track(frame);
+  if (result.success) return OnTracked(frame, result);
+  AbandonSubmap();
+  FrameOutcome outcome;
+  outcome.reason = result.reason;
+  outcome.abandoned = outcome.cause = diagnosis_.OfGivingUp(result.reason);
+  return outcome;
+}
+
+FrameOutcome Frontend::TrackFrame(const FramePtr& photo) {
+  const FramePtr frame = map_is_sparse_ ? sparse_.Converted(photo) : photo;
+  const TrackResult result = Track(frame);
   return result.success ? OnTracked(frame, result) : OnLost(frame, result.reason);
 }
 
@@ -116,19 +177,21 @@ double Frontend::MedianDepth(const TrackResult& tracked) const {
   return depths[depths.size() / 2];
 }
 
-TrackResult Frontend::Track(const Frame& frame) {
+TrackResult Frontend::Track(const FramePtr& frame) {
   std::vector<KeyframeIndex> hints = {last_reference_};
-  for (KeyframeIndex k = last_keyframe_; !k.IsNone() && k >= last_keyframe_ - 2; --k) {
-    if (k != last_reference_) hints.push_back(k);
+  const int num_hints = map_is_sparse_ ? options_.sparse.max_keyframes : 3;
+  for (KeyframeIndex k = last_keyframe_; !k.IsNone() && last_keyframe_ - k < num_hints; --k) {
+    if (k != last_reference_ && !map_->Keyframe(k).removed) hints.push_back(k);
   }
   const bool relocalises = options_.relocalise_only && lost_.Count() >= options_.max_lost_frames;
   if (relocalises) {
-    const std::vector<KeyframeIndex> alike = relocaliser_.Candidates(*map_, frame);
+    const std::vector<KeyframeIndex> alike = relocaliser_.Candidates(*map_, *frame);
     hints.insert(hints.end(), alike.begin(), alike.end());
   }
   motion_.Refresh(*map_);
-  const std::optional<Rigid3> prediction = lost_.Count() == 0 ? motion_.Predict(frame.utime) : std::nullopt;
-  TrackResult result = tracker_.Track(prediction, hints, frame, map_.get());
+  const std::optional<Rigid3> prediction = lost_.Count() == 0 ? motion_.Predict(frame->utime) : std::nullopt;
+  TrackResult result = tracker_.Track(prediction, hints, *frame, map_.get());
+  if (!result.success && map_is_sparse_) result = extension_.Track(hints, frame, *map_);
   if (result.success && relocalises && result.num_inliers < options_.relocaliser.min_inliers) {
     result.success = false;
     result.reason = LossReason::kTooFewInliers;
@@ -165,14 +228,15 @@ FrameOutcome Frontend::OnTracked(const FramePtr& frame, const TrackResult& resul
   motion_.Add(frame, outcome.cam_from_submap, outcome.keyframe ? last_keyframe_ : KeyframeIndex(), follows);
   if (!publisher_.Believed()) {
     if (BeginningStands(frame, result, &outcome)) outcome.submap_begin = Believe(frame->utime);
-    starter_.Keep(frame);
+    KeepForBeginning(frame);
   }
   if (publisher_.Believed()) wide_.OnTracked(*map_);
   return outcome;
 }
 
 bool Frontend::BeginningStands(const FramePtr& frame, const TrackResult& tracked, FrameOutcome* outcome) {
-  if (frames_since_start_ < options_.confirm_frames) return false;
+  if (frames_since_start_ < ConfirmFrames()) return false;
+  if (map_is_sparse_) return true;
   const BeginningTrial::Verdict verdict = trial_.Next(tracked.cam_from_submap, tracked.points, *map_);
   if (verdict != BeginningTrial::Verdict::kAsk) return verdict == BeginningTrial::Verdict::kStands;
   const StageTimer timer("track/trial");
@@ -203,7 +267,8 @@ int Frontend::Believe(int64_t utime) {
   WaitForMapping();
   publisher_.Believe();
   const TrackedFrame first = publisher_.FirstFrame();
-  starter_.Clear();
+  ClearBeginning();
+  all_is_sparse_ = all_is_sparse_ || map_is_sparse_;
   trial_.Clear();
   wide_.OnBelieved(first.utime);
   publisher_.Publish(utime, map_.get());
@@ -218,7 +283,7 @@ FrameOutcome Frontend::OnLost(const FramePtr& frame, LossReason reason) {
   if (lost_.Count() == 0) lost_.reason = outcome.reason;
   lost_.frames.push_back(frame);
   ++lost_.count;
-  if (!publisher_.Believed() && frames_since_start_ >= options_.confirm_frames)
+  if (!publisher_.Believed() && frames_since_start_ >= ConfirmFrames())
     outcome.submap_begin = Believe(motion_.Last()->utime);  // it cannot be asked any more
   if (!publisher_.Believed()) {
     const LossReason cause = diagnosis_.OfGivingUp(outcome.cause);
@@ -232,13 +297,14 @@ FrameOutcome Frontend::OnLost(const FramePtr& frame, LossReason reason) {
     WaitToRelocalise();
     return outcome;
   }
-  if (lost_.Count() == 1) starter_.Clear();
+  if (lost_.Count() == 1) ClearBeginning();
   // A new submap is begun while the old one may still be found again: whichever succeeds first wins.
-  const Initialization initialization = starter_.AddFrame(frame);
+  const Initialization initialization = AddToBeginning(frame);
   if (lost_.Count() < options_.max_lost_frames) return outcome;
   if (initialization.success || lost_.Count() >= options_.max_lost_frames + options_.relocalisation_frames) {
     CloseSubmap(lost_.reason, std::to_string(lost_.Count()) + " consecutive frames without orientation");
     Begin(initialization, &outcome);
+    if (map_ && map_is_sparse_) return TrackThird(frame);
   }
   return outcome;
 }
@@ -252,12 +318,18 @@ void Frontend::WaitToRelocalise() {
 bool Frontend::NeedsKeyframe(const TrackResult& tracked) const {
   const bool is_busy = mapping_ && mapping_->NumUnfinished() > 0;
   if (is_busy && !keyframes_.IsUrgent(tracked.num_inliers)) return false;
-  return keyframes_.NeedsKeyframe(keyframes_.Measure(*map_, tracked));
+  return !tracked.new_points.empty() || keyframes_.NeedsKeyframe(keyframes_.Measure(*map_, tracked));
 }
 
 void Frontend::InsertKeyframe(const FramePtr& frame, const TrackResult& tracked) {
   last_keyframe_ = map_->AddKeyframe(frame, tracked.cam_from_submap, tracked.points);
   last_reference_ = last_keyframe_;
+  for (const InitialPoint& p : tracked.new_points) {
+    const PointIndex point = map_->AddPoint(p.position, tracked.reference_keyframe);
+    map_->AddObservation(point, tracked.reference_keyframe, p.first_feature);
+    map_->AddObservation(point, last_keyframe_, p.second_feature);
+    map_->RefreshPoint(point);
+  }
   wide_.OnKeyframe(frame);
   publisher_.NoteKeyframe(*map_, last_keyframe_);
   if (mapping_) {
@@ -294,7 +366,12 @@ void Frontend::WaitForMapping(size_t unfinished_keyframes) {
 }
 
 void Frontend::AbandonSubmap() {
-  starter_.NoteMistake(map_->Keyframes().front().frame);
+  const FramePtr& first = map_->Keyframes().front().frame;
+  if (map_is_sparse_) {
+    sparse_beginning_.NoteMistake(first, map_->Keyframes()[1].frame);
+  } else {
+    starter_.NoteMistake(first);
+  }
   trial_.Clear();
   GiveUpBeginning();
 }
@@ -327,7 +404,7 @@ int Frontend::Finish(bool in_haste) {
   const Locked locked(&lock_);
   if (in_haste) wide_.GiveUp();
   int submap_begin = -1;
-  if (map_ && !publisher_.Believed() && frames_since_start_ >= options_.confirm_frames)
+  if (map_ && !publisher_.Believed() && frames_since_start_ >= ConfirmFrames())
     submap_begin = Believe(motion_.Last()->utime);
   if (map_ && publisher_.Believed()) {
     const int losses = num_losses_;

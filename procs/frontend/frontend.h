@@ -14,9 +14,12 @@
 #include "procs/frontend/loss_diagnosis.h"
 #include "procs/frontend/mapping_thread.h"
 #include "procs/frontend/motion_model.h"
+#include "procs/frontend/pair_extension.h"
 #include "procs/frontend/record_publisher.h"
 #include "procs/frontend/relocaliser.h"
 #include "procs/frontend/second_opinion.h"
+#include "procs/frontend/sparse_beginning.h"
+#include "procs/frontend/sparse_photos.h"
 #include "procs/frontend/submap_starter.h"
 #include "procs/frontend/tracker.h"
 #include "procs/frontend/wide_requests.h"
@@ -36,6 +39,7 @@ struct FrontendOptions {
   LossDiagnosisOptions diagnosis;
   RecordPublisherOptions publishing;
   WideFeaturesOptions wide;
+  SparsePhotosOptions sparse;
   RelocaliserOptions relocaliser;
   // After a loss no new submap is begun: the camera waits until it sees the map again, as with ORB-SLAM2. The baseline
   // of the paper (§4).
@@ -60,6 +64,7 @@ struct FrontendOptions {
     v("diagnosis", diagnosis);
     v("publishing", publishing);
     v("wide", wide);
+    v("sparse", sparse);
     v("relocaliser", relocaliser);
     v("relocalise_only", relocalise_only);
     v("max_lost_frames", max_lost_frames, Range(1, 100000), "frames");
@@ -104,6 +109,8 @@ class Frontend {
   // Before the first frame: the beginnings and ends of submaps get wide features if there is a gap to be bridged, an
   // earlier submap or a loss. extract is called in a thread of its own.
   void ExtractWideFeatures(WideExtraction::Extract extract) { wide_.Enable(std::move(extract)); }
+  // Before the first frame: photos that ORB cannot follow are tracked with wide features, which convert gives them.
+  void ConvertSparsePhotos(SparsePhotos::Convert convert) { sparse_.Enable(std::move(convert)); }
   // Before the first frame: take gets the original image of every keyframe that is published; it must not wait.
   void TakeImages(RecordPublisher::TakeImage take) { publisher_.SetTakeImage(std::move(take)); }
   // With a mapping thread, throws what that threw.
@@ -128,12 +135,20 @@ class Frontend {
   };
 
   FrameOutcome Initialise(const FramePtr& frame);
-  FrameOutcome TrackFrame(const FramePtr& frame);
-  TrackResult Track(const Frame& frame);
+  FrameOutcome TrackFrame(const FramePtr& photo);
+  TrackResult Track(const FramePtr& frame);
+  FrameOutcome TrackThird(const FramePtr& photo);
   FrameOutcome OnTracked(const FramePtr& frame, const TrackResult& result);
   FrameOutcome OnLost(const FramePtr& frame, LossReason reason);
   // Of a believed submap, with relocalise_only.
   void WaitToRelocalise();
+  // Tries all ways to begin a submap with this frame.
+  Initialization AddToBeginning(const FramePtr& frame);
+  Initialization AddToSparseBeginning(const FramePtr& frame);
+  // Keeps a frame that was tracked in a submap that is not believed yet.
+  void KeepForBeginning(const FramePtr& frame);
+  void ClearBeginning();
+  int ConfirmFrames() const { return map_is_sparse_ ? options_.sparse.confirm_frames : options_.confirm_frames; }
   // Starts a submap if initialisation has succeeded, and says so in the outcome of its second frame.
   void Begin(const Initialization& initialization, FrameOutcome* outcome);
   // Whether a new submap is to be believed with this frame. It may be begun anew instead, and says so in the outcome.
@@ -167,9 +182,15 @@ class Frontend {
   SecondOpinion second_opinion_;
   Relocaliser relocaliser_;
   WideRequests wide_;
+  SparsePhotos sparse_;
+  SparseBeginning sparse_beginning_;
+  PairExtension extension_;
   IdSource ids_;
 
   std::unique_ptr<WorkingMap> map_;  // null: no submap is tracked
+  bool map_is_sparse_ = false;       // it is of photos with wide features
+  bool all_is_sparse_ = false;       // such a submap was believed: no other ones are begun any more
+  std::vector<FramePtr> unconverted_;  // since the loss, that may be needed for such a beginning
   MotionModel motion_;
   LostFrames lost_;
   int frames_since_start_ = 0;

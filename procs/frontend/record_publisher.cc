@@ -149,8 +149,9 @@ RecordPublisher::Records RecordPublisher::Take(int64_t utime, KeyframeIndex last
   for (; next_keyframe_ <= last_keyframe; ++next_keyframe_) {
     KeyframeRecord record = Describe(next_keyframe_, *map);
     const WorkingKeyframe& source = map->Keyframe(next_keyframe_);
-    if (take_image_) take_image_(source.id, *source.frame);
-    source.frame->original.LetGo();
+    const Frame& holder = *HolderOf(source.frame);
+    if (take_image_) take_image_(source.id, holder);
+    holder.original.LetGo();
     map->MarkPublished(next_keyframe_);
     records.emplace_back(map->Keyframe(next_keyframe_).frame->utime, std::move(record));
   }

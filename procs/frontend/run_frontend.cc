@@ -276,6 +276,8 @@ FrontendRun::FrontendRun(const RunOptions& options, std::unique_ptr<ImageSource>
   cv::setNumThreads(1);  // threads of OpenCV's own would take the cores that tracking needs
   frontend_.ExtractWideFeatures(
       [this](const cv::Mat& image) { return maker_.ExtractWide(image, options_.frontend.wide.extraction); });
+  frontend_.ConvertSparsePhotos(
+      [this](const FramePtr& photo) { return maker_.WithWideFeatures(photo, options_.frontend.sparse.extraction); });
 }
 
 int FrontendRun::Run() {

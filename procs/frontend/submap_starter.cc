@@ -25,7 +25,8 @@ std::unique_ptr<WorkingMap> MapOfBeginning(const Initialization& initialization,
   return map;
 }
 
-std::unique_ptr<WorkingMap> SubmapStarter::Start(const Initialization& initialization, IdSource* ids) {
+std::unique_ptr<WorkingMap> SubmapStarter::Start(const Initialization& initialization,
+                                                 const std::deque<FramePtr>& frames, IdSource* ids) {
   const IdSource ids_before = *ids;
   std::unique_ptr<WorkingMap> map = MapOfBeginning(initialization, SubmapId(ids->next_submap), pyramid_, mapper_, ids);
   if (map->NumPoints() < options_.initializer.min_points) {
@@ -36,13 +37,13 @@ std::unique_ptr<WorkingMap> SubmapStarter::Start(const Initialization& initializ
   publisher_->Begin();
   publisher_->NoteKeyframe(*map, kStart);
   publisher_->NoteKeyframe(*map, kSecond);
-  TrackBetween(initialization, map.get());
-  TrackBefore(initialization, map.get());
+  TrackBetween(initialization, frames, map.get());
+  TrackBefore(initialization, frames, map.get());
   return map;
 }
 
-void SubmapStarter::TrackBetween(const Initialization& initialization, WorkingMap* map) {
-  const std::deque<FramePtr>& frames = initializer_.Frames();
+void SubmapStarter::TrackBetween(const Initialization& initialization, const std::deque<FramePtr>& frames,
+                                 WorkingMap* map) {
   auto at = std::find(frames.begin(), frames.end(), initialization.first);
   for (at = at == frames.end() ? at : at + 1; at != frames.end(); ++at) {
     if (*at == initialization.second) continue;
@@ -52,8 +53,8 @@ void SubmapStarter::TrackBetween(const Initialization& initialization, WorkingMa
 }
 
 // Backwards: the frame next to those with a pose saw most of their ground.
-void SubmapStarter::TrackBefore(const Initialization& initialization, WorkingMap* map) {
-  const std::deque<FramePtr>& frames = initializer_.Frames();
+void SubmapStarter::TrackBefore(const Initialization& initialization, const std::deque<FramePtr>& frames,
+                                WorkingMap* map) {
   auto at = std::make_reverse_iterator(std::find(frames.begin(), frames.end(), initialization.first));
   KeyframeIndex hint = kStart;
   int misses = 0;

@@ -52,15 +52,18 @@ class SubmapStarter {
   }
   // Null if bundle adjustment leaves too few points; then no id is used up. The frames with a pose are noted with the
   // publisher: the two first, then others.
-  std::unique_ptr<WorkingMap> Start(const Initialization& initialization, IdSource* ids);
+  // frames: that may be seen from there, in order.
+  std::unique_ptr<WorkingMap> Start(const Initialization& initialization, const std::deque<FramePtr>& frames,
+                                    IdSource* ids);
+  const std::deque<FramePtr>& Frames() const { return initializer_.Frames(); }
   // Forgets all frames.
   void Clear() { initializer_.Clear(); }
   // A submap that began with this frame was a mistake: the same two frames must not begin it again.
   void NoteMistake(const FramePtr& first);
 
  private:
-  void TrackBetween(const Initialization& initialization, WorkingMap* map);
-  void TrackBefore(const Initialization& initialization, WorkingMap* map);
+  void TrackBetween(const Initialization& initialization, const std::deque<FramePtr>& frames, WorkingMap* map);
+  void TrackBefore(const Initialization& initialization, const std::deque<FramePtr>& frames, WorkingMap* map);
 
   SubmapStarterOptions options_;
   Pyramid pyramid_;

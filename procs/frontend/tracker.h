@@ -10,6 +10,7 @@
 #include "libs/geometry/pnp.h"
 #include "libs/geometry/rigid3.h"
 #include "libs/optim/pose_optimization.h"
+#include "procs/frontend/initializer.h"
 #include "procs/frontend/loss_reason.h"
 #include "procs/frontend/working_map.h"
 
@@ -98,6 +99,8 @@ struct TrackResult {
   // With success:
   Rigid3 cam_from_submap;
   std::vector<PointIndex> points;  // that the frame observes, one for each feature; none without
+  // That are not in the map yet: seen by the reference keyframe and this frame; submap frame.
+  std::vector<InitialPoint> new_points;
 };
 
 // Finds the pose of a frame in the working map. Three ways, cheapest first: around the motion model's prediction; the

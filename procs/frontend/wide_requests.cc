@@ -32,7 +32,7 @@ void WideRequests::OnFrame(const FramePtr& frame, const WorkingMap* map) {
 }
 
 void WideRequests::OnKeyframe(const FramePtr& frame) {
-  if (extraction_) held_.push_back(frame);
+  if (extraction_) held_.push_back(HolderOf(frame));
 }
 
 void WideRequests::AfterFrame(const FramePtr& frame, bool is_tracked) {
@@ -87,8 +87,9 @@ void WideRequests::RequestKeyframes(const WorkingMap& map, bool last) {
   const size_t begin = last ? keyframes.size() - n : 0;
   for (size_t i = begin; i < begin + n; ++i) {
     const WorkingKeyframe& keyframe = *keyframes[i];
-    if (!keyframe.frame->image || !requested_.insert(keyframe.id).second) continue;
-    extraction_->Request(map.Id(), keyframe.id, *keyframe.frame, num_frames_ + options_.delay_frames);
+    const Frame& holder = *HolderOf(keyframe.frame);
+    if (!holder.image || !requested_.insert(keyframe.id).second) continue;
+    extraction_->Request(map.Id(), keyframe.id, holder, num_frames_ + options_.delay_frames);
   }
 }
 
