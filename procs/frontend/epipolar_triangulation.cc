@@ -49,10 +49,12 @@ std::vector<NewPoint> EpipolarTriangulation::FindPoints(const WorkingKeyframe& a
     Eigen::Vector3d position;
   };
   std::vector<Candidate> claimed(b.frame->features.Size());  // by feature of b
+  const bool are_photos = a.frame->photo && b.frame->photo;
+  const std::vector<Found> alike = are_photos ? FindAlike(view) : std::vector<Found>();
   for (FeatureIndex i(0); i < a.frame->features.Size(); ++i) {
     if (!a.points[i].IsNone()) continue;
     const Eigen::Vector3d ray = camera_.Unproject(a.frame->features.keypoints[i].pixel.cast<double>());
-    const Found found = SearchAlongLine(view, i, ray);
+    const Found found = are_photos ? alike[i] : SearchAlongLine(view, i, ray);
     if (found.feature.IsNone()) continue;
     const std::optional<Eigen::Vector3d> x = PointOf(view, i, ray, found.feature);
     if (!x) continue;
@@ -66,6 +68,14 @@ std::vector<NewPoint> EpipolarTriangulation::FindPoints(const WorkingKeyframe& a
     if (!candidate.feature.IsNone()) points.push_back({candidate.feature, j, submap_from_a * candidate.position});
   }
   return points;
+}
+
+std::vector<EpipolarTriangulation::Found> EpipolarTriangulation::FindAlike(const View& view) {
+  std::vector<Found> alike(view.a.points.size());
+  for (const Match& m : MatchBruteForce(view.a.frame->features, view.b.frame->features, {})) {
+    if (view.b.points[m.b].IsNone()) alike[m.a] = {FeatureIndex(m.b), m.distance};
+  }
+  return alike;
 }
 
 EpipolarTriangulation::Found EpipolarTriangulation::SearchAlongLine(const View& view, FeatureIndex feature,

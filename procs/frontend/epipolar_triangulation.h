@@ -43,6 +43,9 @@ class EpipolarTriangulation {
     FeatureIndex feature;  // of b; none: none is clearly best
     int distance = 0;      // bits
   };
+  // Of photos, whose thousands of features are so dense that many lie along any line: whatever is most alike in the
+  // whole image, for each feature of a.
+  static std::vector<Found> FindAlike(const View& view);
   Found SearchAlongLine(const View& view, FeatureIndex feature, const Eigen::Vector3d& ray) const;
   // In a's frame. None if it does not fit.
   std::optional<Eigen::Vector3d> PointOf(const View& view, FeatureIndex feature_a, const Eigen::Vector3d& ray,

@@ -105,10 +105,15 @@ Initialization Frontend::AddToSparseBeginning(const FramePtr& photo) {
     return none;
   }
   for (size_t i = 0; i + 1 < unconverted_.size(); ++i) {
-    if (unconverted_[i]->image) sparse_beginning_.Keep(sparse_.Converted(unconverted_[i]));
+    if (!unconverted_[i]->image) continue;
+    const FramePtr converted = sparse_.Converted(unconverted_[i]);
+    sparse_.LeaveOver(converted);
+    sparse_beginning_.Keep(converted);
   }
   unconverted_.clear();
-  return sparse_beginning_.AddFrame(sparse_.Converted(photo));
+  const FramePtr converted = sparse_.Converted(photo);
+  sparse_.LeaveOver(converted);
+  return sparse_beginning_.AddFrame(converted);
 }
 
 void Frontend::KeepForBeginning(const FramePtr& frame) {
@@ -138,6 +143,9 @@ void Frontend::Begin(const Initialization& initialization, FrameOutcome* outcome
   frames_since_start_ = 0;
   lost_ = {};
   last_keyframe_ = last_reference_ = KeyframeIndex(1);
+  if (map_is_sparse_) {
+    for (const WorkingKeyframe& keyframe : map_->Keyframes()) sparse_.OnPose(keyframe.frame);
+  }
   const Rigid3& pose = map_->Keyframe(last_keyframe_).cam_from_submap;
   motion_.Clear();
   motion_.Add(initialization.second, pose, last_keyframe_, false);
@@ -177,12 +185,17 @@ double Frontend::MedianDepth(const TrackResult& tracked) const {
   return depths[depths.size() / 2];
 }
 
-TrackResult Frontend::Track(const FramePtr& frame) {
+std::vector<KeyframeIndex> Frontend::Hints() const {
   std::vector<KeyframeIndex> hints = {last_reference_};
   const int num_hints = map_is_sparse_ ? options_.sparse.max_keyframes : 3;
   for (KeyframeIndex k = last_keyframe_; !k.IsNone() && last_keyframe_ - k < num_hints; --k) {
     if (k != last_reference_ && !map_->Keyframe(k).removed) hints.push_back(k);
   }
+  return hints;
+}
+
+TrackResult Frontend::Track(const FramePtr& frame) {
+  std::vector<KeyframeIndex> hints = Hints();
   const bool relocalises = options_.relocalise_only && lost_.Count() >= options_.max_lost_frames;
   if (relocalises) {
     const std::vector<KeyframeIndex> alike = relocaliser_.Candidates(*map_, *frame);
@@ -211,6 +224,7 @@ FrameOutcome Frontend::OnTracked(const FramePtr& frame, const TrackResult& resul
   outcome.method = result.method;
   outcome.num_inliers = result.num_inliers;
   const bool follows = lost_.Count() == 0;
+  if (map_is_sparse_) sparse_.OnPose(frame);
   last_reference_ = result.reference_keyframe;
   ++frames_since_start_;
   TrackLostFrames();
@@ -218,6 +232,7 @@ FrameOutcome Frontend::OnTracked(const FramePtr& frame, const TrackResult& resul
   outcome.cam_from_submap = result.cam_from_submap;
   if (outcome.keyframe) {
     InsertKeyframe(frame, result);
+    if (map_is_sparse_) RecoverLeftovers();
     outcome.cam_from_submap = map_->Keyframe(last_keyframe_).cam_from_submap;
   } else {
     publisher_.NoteFrame(*map_, *frame, result);
@@ -252,6 +267,24 @@ bool Frontend::BeginningStands(const FramePtr& frame, const TrackResult& tracked
   outcome->abandoned = outcome->reason = outcome->cause = LossReason::kAmbiguous;
   Begin(wider, outcome);
   return false;
+}
+
+// A photo that is found leads on to others.
+void Frontend::RecoverLeftovers() {
+  const StageTimer timer("track/leftovers");
+  const KeyframeIndex last_keyframe = last_keyframe_, last_reference = last_reference_;
+  for (KeyframeIndex k = last_keyframe; k <= map_->LastKeyframe(); ++k) {
+    for (const FramePtr& frame : sparse_.Alike(map_->Keyframe(k).frame)) {
+      TrackResult result = tracker_.TrackAfterwards({k}, *frame, map_.get());
+      if (!result.success) result = extension_.Track({k}, frame, *map_);
+      if (getenv("DBG")) fprintf(stderr, "DBG leftover %d by %d: %d %d inliers\n", frame->index, map_->Keyframe(k).frame->index, result.success, result.num_inliers);
+      if (!result.success) continue;
+      InsertKeyframe(frame, result);
+      sparse_.OnPose(frame);
+    }
+  }
+  last_keyframe_ = last_keyframe;
+  last_reference_ = last_reference;
 }
 
 void Frontend::TrackLostFrames() {

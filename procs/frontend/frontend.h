@@ -137,6 +137,7 @@ class Frontend {
   FrameOutcome Initialise(const FramePtr& frame);
   FrameOutcome TrackFrame(const FramePtr& photo);
   TrackResult Track(const FramePtr& frame);
+  std::vector<KeyframeIndex> Hints() const;
   FrameOutcome TrackThird(const FramePtr& photo);
   FrameOutcome OnTracked(const FramePtr& frame, const TrackResult& result);
   FrameOutcome OnLost(const FramePtr& frame, LossReason reason);
@@ -153,6 +154,8 @@ class Frontend {
   void Begin(const Initialization& initialization, FrameOutcome* outcome);
   // Whether a new submap is to be believed with this frame. It may be begun anew instead, and says so in the outcome.
   bool BeginningStands(const FramePtr& frame, const TrackResult& tracked, FrameOutcome* outcome);
+  // Photos that had no pose when they came, and may be seen from the newest keyframe.
+  void RecoverLeftovers();
   // Frames that failed before one that was tracked may be seen from there.
   void TrackLostFrames();
   double MedianDepth(const TrackResult& tracked) const;

@@ -4,6 +4,7 @@
 #include <deque>
 #include <functional>
 #include <utility>
+#include <vector>
 
 #include "libs/base/range.h"
 #include "libs/features/wide_features.h"
@@ -16,6 +17,8 @@ struct SparsePhotosOptions {
   double min_interval_s = 0.4;  // between two images: less, and it is a video; there is no time for wide features
   int confirm_frames = 1;       // photos that must be tracked in a new submap before it is believed
   int max_keyframes = 30;       // of the submap, newest first, that a photo is matched with
+  int max_leftovers = 100;      // photos without a pose that are kept for submaps that come later, half a megabyte each
+  int max_recovered = 3;        // of them, that are looked for with a new photo
   WideExtractionOptions extraction = {.max_features = 8000, .contrast_threshold = 0.01};
   PhotoPairOptions pairs;
 
@@ -24,6 +27,8 @@ struct SparsePhotosOptions {
     v("min_interval_s", min_interval_s, AtLeast(0), "s");
     v("confirm_frames", confirm_frames, Range(0, 10000), "frames");
     v("max_keyframes", max_keyframes, Range(1, 10000), "keyframes");
+    v("max_leftovers", max_leftovers, Range(0, 100000), "photos");
+    v("max_recovered", max_recovered, Range(0, 10000), "photos");
     v("extraction", extraction);
     v("pairs", pairs);
   }
@@ -46,13 +51,18 @@ class SparsePhotos {
   bool Come() const { return convert_ && come_; }
   // The newest ones are kept.
   FramePtr Converted(const FramePtr& photo);
+  // A converted photo has no pose; it has one now.
+  void LeaveOver(const FramePtr& frame);
+  void OnPose(const FramePtr& frame);
+  // Photos without a pose that look like this one, most alike first.
+  std::vector<FramePtr> Alike(const FramePtr& frame) const;
 
  private:
   SparsePhotosOptions options_;
   Convert convert_;
   int64_t last_utime_ = 0;
   bool has_last_ = false, come_ = false;
-  std::deque<FramePtr> converted_;
+  std::deque<FramePtr> converted_, leftovers_;
 };
 
 }  // namespace mapmend
