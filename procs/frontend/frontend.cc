@@ -9,6 +9,8 @@
 namespace mapmend {
 namespace {
 
+constexpr int kNumHints = 3;  // newest keyframes that a frame is matched with
+
 // Holds a lock in its scope, if there is anything to lock.
 class Locked {
  public:
@@ -41,9 +43,7 @@ Frontend::Frontend(const FrontendOptions& options, const Pinhole& camera, const 
       second_opinion_(options.second_opinion, options.starter.initializer, camera, pyramid, &tracker_, &mapper_),
       relocaliser_(options.relocaliser, vocabulary),
       wide_(options.wide),
-      sparse_(options.sparse),
-      sparse_beginning_(options.sparse.pairs, camera, pyramid),
-      extension_(options.sparse.pairs, camera, pyramid),
+      sparse_(options.sparse, camera, pyramid),
       motion_(options.motion) {
   if (!options.mapping_thread) return;
   mapping_ =
@@ -80,61 +80,31 @@ FrameOutcome Frontend::Initialise(const FramePtr& frame) {
   outcome.reason = initialization.reason;
   outcome.cause = initialization.success ? LossReason::kNotConfirmed : diagnosis_.OfBeginning(*frame, initialization);
   Begin(initialization, &outcome);
-  return map_ && map_is_sparse_ ? TrackThird(frame) : outcome;
+  return map_ && IsSparse(*map_) ? TrackThird(frame) : outcome;
 }
 
 Initialization Frontend::AddToBeginning(const FramePtr& frame) {
-  Initialization initialization;
   const FramePtr& photo = HolderOf(frame);
-  if (!all_is_sparse_) initialization = starter_.AddFrame(photo);
-  if (initialization.success) {
-    unconverted_.push_back(photo);
-  } else if (!options_.relocalise_only) {
-    const Initialization sparse = AddToSparseBeginning(photo);
-    if (sparse.success || all_is_sparse_) return sparse;
+  if (sparse_.HaveTakenOver()) return sparse_.AddFrame(photo);
+  const Initialization dense = starter_.AddFrame(photo);
+  if (dense.success) {
+    sparse_.Keep(photo);
+    return dense;
   }
-  return initialization;
-}
-
-Initialization Frontend::AddToSparseBeginning(const FramePtr& photo) {
-  Initialization none;
-  none.reason = LossReason::kTooFewMatches;
-  unconverted_.push_back(photo);
-  if (!sparse_.Come()) {
-    while (unconverted_.size() > 1) unconverted_.erase(unconverted_.begin());
-    return none;
-  }
-  for (size_t i = 0; i + 1 < unconverted_.size(); ++i) {
-    if (!unconverted_[i]->image) continue;
-    const FramePtr converted = sparse_.Converted(unconverted_[i]);
-    sparse_.LeaveOver(converted);
-    sparse_beginning_.Keep(converted);
-  }
-  unconverted_.clear();
-  const FramePtr converted = sparse_.Converted(photo);
-  sparse_.LeaveOver(converted);
-  return sparse_beginning_.AddFrame(converted);
-}
-
-void Frontend::KeepForBeginning(const FramePtr& frame) {
-  if (!all_is_sparse_) starter_.Keep(HolderOf(frame));
-  if (frame->photo) {
-    sparse_beginning_.Keep(frame);
-  } else if (sparse_.Come()) {
-    unconverted_.push_back(frame);
-  }
+  const Initialization sparse = sparse_.AddFrame(photo);
+  return sparse.success ? sparse : dense;
 }
 
 void Frontend::ClearBeginning() {
   starter_.Clear();
-  sparse_beginning_.Clear();
-  unconverted_.clear();
+  sparse_.ClearBeginning();
 }
 
 void Frontend::Begin(const Initialization& initialization, FrameOutcome* outcome) {
   if (!initialization.success) return;
-  map_is_sparse_ = initialization.first->photo != nullptr;
-  std::unique_ptr<WorkingMap> map = starter_.Start(initialization, map_is_sparse_ ? sparse_beginning_.Frames() : starter_.Frames(), &ids_);
+  const bool is_sparse = initialization.first->photo != nullptr;
+  std::unique_ptr<WorkingMap> map =
+      starter_.Start(initialization, is_sparse ? sparse_.Frames() : starter_.Frames(), &ids_);
   if (!map) return;
   map_ = std::move(map);
   trial_.Begin(initialization, *map_);
@@ -143,9 +113,7 @@ void Frontend::Begin(const Initialization& initialization, FrameOutcome* outcome
   frames_since_start_ = 0;
   lost_ = {};
   last_keyframe_ = last_reference_ = KeyframeIndex(1);
-  if (map_is_sparse_) {
-    for (const WorkingKeyframe& keyframe : map_->Keyframes()) sparse_.OnPose(keyframe.frame);
-  }
+  if (is_sparse) sparse_.OnBegin(*map_);
   const Rigid3& pose = map_->Keyframe(last_keyframe_).cam_from_submap;
   motion_.Clear();
   motion_.Add(initialization.second, pose, last_keyframe_, false);
@@ -171,7 +139,7 @@ FrameOutcome Frontend::TrackThird(const FramePtr& photo) {
 }
 
 FrameOutcome Frontend::TrackFrame(const FramePtr& photo) {
-  const FramePtr frame = map_is_sparse_ ? sparse_.Converted(photo) : photo;
+  const FramePtr frame = IsSparse(*map_) ? sparse_.Converted(photo) : photo;
   const TrackResult result = Track(frame);
   return result.success ? OnTracked(frame, result) : OnLost(frame, result.reason);
 }
@@ -187,7 +155,7 @@ double Frontend::MedianDepth(const TrackResult& tracked) const {
 
 std::vector<KeyframeIndex> Frontend::Hints() const {
   std::vector<KeyframeIndex> hints = {last_reference_};
-  const int num_hints = map_is_sparse_ ? options_.sparse.max_keyframes : 3;
+  const int num_hints = IsSparse(*map_) ? options_.sparse.max_keyframes : kNumHints;
   for (KeyframeIndex k = last_keyframe_; !k.IsNone() && last_keyframe_ - k < num_hints; --k) {
     if (k != last_reference_ && !map_->Keyframe(k).removed) hints.push_back(k);
   }
@@ -204,7 +172,7 @@ TrackResult Frontend::Track(const FramePtr& frame) {
   motion_.Refresh(*map_);
   const std::optional<Rigid3> prediction = lost_.Count() == 0 ? motion_.Predict(frame->utime) : std::nullopt;
   TrackResult result = tracker_.Track(prediction, hints, *frame, map_.get());
-  if (!result.success && map_is_sparse_) result = extension_.Track(hints, frame, *map_);
+  if (!result.success && IsSparse(*map_)) result = sparse_.Extend(hints, frame, *map_);
   if (result.success && relocalises && result.num_inliers < options_.relocaliser.min_inliers) {
     result.success = false;
     result.reason = LossReason::kTooFewInliers;
@@ -224,7 +192,7 @@ FrameOutcome Frontend::OnTracked(const FramePtr& frame, const TrackResult& resul
   outcome.method = result.method;
   outcome.num_inliers = result.num_inliers;
   const bool follows = lost_.Count() == 0;
-  if (map_is_sparse_) sparse_.OnPose(frame);
+  if (IsSparse(*map_)) sparse_.OnPose(frame);
   last_reference_ = result.reference_keyframe;
   ++frames_since_start_;
   TrackLostFrames();
@@ -232,7 +200,6 @@ FrameOutcome Frontend::OnTracked(const FramePtr& frame, const TrackResult& resul
   outcome.cam_from_submap = result.cam_from_submap;
   if (outcome.keyframe) {
     InsertKeyframe(frame, result);
-    if (map_is_sparse_) RecoverLeftovers();
     outcome.cam_from_submap = map_->Keyframe(last_keyframe_).cam_from_submap;
   } else {
     publisher_.NoteFrame(*map_, *frame, result);
@@ -243,15 +210,17 @@ FrameOutcome Frontend::OnTracked(const FramePtr& frame, const TrackResult& resul
   motion_.Add(frame, outcome.cam_from_submap, outcome.keyframe ? last_keyframe_ : KeyframeIndex(), follows);
   if (!publisher_.Believed()) {
     if (BeginningStands(frame, result, &outcome)) outcome.submap_begin = Believe(frame->utime);
-    KeepForBeginning(frame);
+    if (!IsSparse(*map_)) starter_.Keep(frame);
+    sparse_.Keep(frame);
   }
+  if (outcome.keyframe && publisher_.Believed() && IsSparse(*map_)) RecoverLeftovers();
   if (publisher_.Believed()) wide_.OnTracked(*map_);
   return outcome;
 }
 
 bool Frontend::BeginningStands(const FramePtr& frame, const TrackResult& tracked, FrameOutcome* outcome) {
   if (frames_since_start_ < ConfirmFrames()) return false;
-  if (map_is_sparse_) return true;
+  if (IsSparse(*map_)) return true;
   const BeginningTrial::Verdict verdict = trial_.Next(tracked.cam_from_submap, tracked.points, *map_);
   if (verdict != BeginningTrial::Verdict::kAsk) return verdict == BeginningTrial::Verdict::kStands;
   const StageTimer timer("track/trial");
@@ -274,10 +243,9 @@ void Frontend::RecoverLeftovers() {
   const StageTimer timer("track/leftovers");
   const KeyframeIndex last_keyframe = last_keyframe_, last_reference = last_reference_;
   for (KeyframeIndex k = last_keyframe; k <= map_->LastKeyframe(); ++k) {
-    for (const FramePtr& frame : sparse_.Alike(map_->Keyframe(k).frame)) {
+    for (const FramePtr& frame : sparse_.Leftovers(*map_->Keyframe(k).frame)) {
       TrackResult result = tracker_.TrackAfterwards({k}, *frame, map_.get());
-      if (!result.success) result = extension_.Track({k}, frame, *map_);
-      if (getenv("DBG")) fprintf(stderr, "DBG leftover %d by %d: %d %d inliers\n", frame->index, map_->Keyframe(k).frame->index, result.success, result.num_inliers);
+      if (!result.success) result = sparse_.Extend({k}, frame, *map_);
       if (!result.success) continue;
       InsertKeyframe(frame, result);
       sparse_.OnPose(frame);
@@ -301,7 +269,7 @@ int Frontend::Believe(int64_t utime) {
   publisher_.Believe();
   const TrackedFrame first = publisher_.FirstFrame();
   ClearBeginning();
-  all_is_sparse_ = all_is_sparse_ || map_is_sparse_;
+  if (IsSparse(*map_)) sparse_.OnBelieved();
   trial_.Clear();
   wide_.OnBelieved(first.utime);
   publisher_.Publish(utime, map_.get());
@@ -337,7 +305,7 @@ FrameOutcome Frontend::OnLost(const FramePtr& frame, LossReason reason) {
   if (initialization.success || lost_.Count() >= options_.max_lost_frames + options_.relocalisation_frames) {
     CloseSubmap(lost_.reason, std::to_string(lost_.Count()) + " consecutive frames without orientation");
     Begin(initialization, &outcome);
-    if (map_ && map_is_sparse_) return TrackThird(frame);
+    if (map_ && IsSparse(*map_)) return TrackThird(frame);
   }
   return outcome;
 }
@@ -390,6 +358,7 @@ void Frontend::MapKeyframe(KeyframeIndex keyframe, MapLock* lock) {
 }
 
 void Frontend::SeekSecondOpinion() {
+  if (IsSparse(*map_)) return;  // three photos have agreed
   if (const auto new_of_old = second_opinion_.Seek(map_.get())) publisher_.OnReplaced(*map_, *new_of_old);
 }
 
@@ -399,11 +368,10 @@ void Frontend::WaitForMapping(size_t unfinished_keyframes) {
 }
 
 void Frontend::AbandonSubmap() {
-  const FramePtr& first = map_->Keyframes().front().frame;
-  if (map_is_sparse_) {
-    sparse_beginning_.NoteMistake(first, map_->Keyframes()[1].frame);
+  if (IsSparse(*map_)) {
+    sparse_.NoteMistake(*map_);
   } else {
-    starter_.NoteMistake(first);
+    starter_.NoteMistake(map_->Keyframes().front().frame);
   }
   trial_.Clear();
   GiveUpBeginning();

@@ -14,11 +14,9 @@
 #include "procs/frontend/loss_diagnosis.h"
 #include "procs/frontend/mapping_thread.h"
 #include "procs/frontend/motion_model.h"
-#include "procs/frontend/pair_extension.h"
 #include "procs/frontend/record_publisher.h"
 #include "procs/frontend/relocaliser.h"
 #include "procs/frontend/second_opinion.h"
-#include "procs/frontend/sparse_beginning.h"
 #include "procs/frontend/sparse_photos.h"
 #include "procs/frontend/submap_starter.h"
 #include "procs/frontend/tracker.h"
@@ -138,6 +136,7 @@ class Frontend {
   FrameOutcome TrackFrame(const FramePtr& photo);
   TrackResult Track(const FramePtr& frame);
   std::vector<KeyframeIndex> Hints() const;
+  // With the third photo of a beginning, in the submap of the other two.
   FrameOutcome TrackThird(const FramePtr& photo);
   FrameOutcome OnTracked(const FramePtr& frame, const TrackResult& result);
   FrameOutcome OnLost(const FramePtr& frame, LossReason reason);
@@ -145,11 +144,8 @@ class Frontend {
   void WaitToRelocalise();
   // Tries all ways to begin a submap with this frame.
   Initialization AddToBeginning(const FramePtr& frame);
-  Initialization AddToSparseBeginning(const FramePtr& frame);
-  // Keeps a frame that was tracked in a submap that is not believed yet.
-  void KeepForBeginning(const FramePtr& frame);
   void ClearBeginning();
-  int ConfirmFrames() const { return map_is_sparse_ ? options_.sparse.confirm_frames : options_.confirm_frames; }
+  int ConfirmFrames() const { return IsSparse(*map_) ? options_.sparse.confirm_frames : options_.confirm_frames; }
   // Starts a submap if initialisation has succeeded, and says so in the outcome of its second frame.
   void Begin(const Initialization& initialization, FrameOutcome* outcome);
   // Whether a new submap is to be believed with this frame. It may be begun anew instead, and says so in the outcome.
@@ -186,14 +182,9 @@ class Frontend {
   Relocaliser relocaliser_;
   WideRequests wide_;
   SparsePhotos sparse_;
-  SparseBeginning sparse_beginning_;
-  PairExtension extension_;
   IdSource ids_;
 
   std::unique_ptr<WorkingMap> map_;  // null: no submap is tracked
-  bool map_is_sparse_ = false;       // it is of photos with wide features
-  bool all_is_sparse_ = false;       // such a submap was believed: no other ones are begun any more
-  std::vector<FramePtr> unconverted_;  // since the loss, that may be needed for such a beginning
   MotionModel motion_;
   LostFrames lost_;
   int frames_since_start_ = 0;

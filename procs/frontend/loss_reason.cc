@@ -52,6 +52,8 @@ std::string ToString(TrackMethod method) {
       return "wide";
     case TrackMethod::kDescriptors:
       return "descriptors";
+    case TrackMethod::kPair:
+      return "pair";
   }
   return "";
 }

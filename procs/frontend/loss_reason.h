@@ -25,7 +25,7 @@ enum class LossReason {
 };
 
 // How the pose of a frame was found.
-enum class TrackMethod { kNone, kInitialised, kMotion, kWide, kDescriptors };
+enum class TrackMethod { kNone, kInitialised, kMotion, kWide, kDescriptors, kPair };
 
 // The texts in records, events and logs; empty for kNone.
 std::string ToString(LossReason reason);

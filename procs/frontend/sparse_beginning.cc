@@ -8,8 +8,8 @@
 namespace mapmend {
 namespace {
 
-constexpr size_t kMaxFrames = 60;   // kept
-constexpr size_t kMaxBefore = 4;  // of a new photo: those before it
+constexpr size_t kMaxFrames = 60;  // kept
+constexpr size_t kMaxBefore = 4;   // a new photo makes pairs with so many before it
 
 Initialization BeginningOf(const PhotoPair& pair, const TwoViewCandidate& motion) {
   Initialization beginning;
@@ -18,6 +18,7 @@ Initialization BeginningOf(const PhotoPair& pair, const TwoViewCandidate& motion
   beginning.first = pair.first;
   beginning.second = pair.second;
   std::vector<double> depths;
+  depths.reserve(motion.points.size());
   for (const Eigen::Vector3d& x : motion.points) depths.push_back(x.z());
   const double scale = 1 / Median(std::move(depths));
   beginning.second_from_first = motion.second_from_first;
@@ -29,46 +30,28 @@ Initialization BeginningOf(const PhotoPair& pair, const TwoViewCandidate& motion
   return beginning;
 }
 
+// Of the motions of the earlier pair.
+MotionVote Vote(const PhotoPair& earlier, const PhotoPair& later, const PhotoPairOptions& options) {
+  MotionVote vote(options);
+  for (const TwoViewCandidate& a : earlier.motions) {
+    const Depths depths = DepthsInSecond(earlier, a);
+    for (const TwoViewCandidate& b : later.motions)
+      vote.Add(a, Compare(depths, DepthsInFirst(later, b), options.max_depth_spread));
+  }
+  return vote;
+}
+
 }  // namespace
 
 void SparseBeginning::Keep(const FramePtr& frame) {
-  frames_.push_back(frame);
-  AddPairs(frame);
-}
-
-void SparseBeginning::AddPairs(const FramePtr& frame) {
-  while (frames_.size() > kMaxFrames) frames_.pop_front();
-  const size_t begin = frames_.size() - std::min(frames_.size(), kMaxBefore + 1);
-  for (size_t i = begin; i + 1 < frames_.size(); ++i) {
-    PhotoPair pair = PairOf(frames_[i], frame, options_, camera_, pyramid_);
-    if (getenv("DBG")) {
-    fprintf(stderr, "DBG   pair %d-%d found %zu:", pair.first->index, pair.second->index, pair.found.size());
-    for (auto& c : pair.motions) fprintf(stderr, " [%zu+%zu %.1fdeg R%.0f t %.2f %.2f %.2f]", c.matches.size(), c.far_matches.size(), c.median_angle_deg, 57.3*Eigen::AngleAxisd(c.second_from_first.rotation).angle(), c.second_from_first.translation.x(), c.second_from_first.translation.y(), c.second_from_first.translation.z());
-    fprintf(stderr, "\n");
-    }
+  while (frames_.size() >= kMaxFrames) frames_.pop_front();
+  const auto begin = frames_.end() - static_cast<long>(std::min(frames_.size(), kMaxBefore));
+  std::erase_if(pairs_, [&](const PhotoPair& p) { return std::find(begin, frames_.end(), p.second) == frames_.end(); });
+  for (auto before = begin; before != frames_.end(); ++before) {
+    PhotoPair pair = PairOf(*before, frame, options_, camera_, pyramid_);
     if (!pair.motions.empty()) pairs_.push_back(std::move(pair));
   }
-  std::erase_if(pairs_, [&](const PhotoPair& p) { return p.first->index < frames_[begin]->index; });
-}
-
-SparseBeginning::Choice SparseBeginning::Decide(const PhotoPair& earlier, const PhotoPair& later) const {
-  Choice choice;
-  for (const TwoViewCandidate& a : earlier.motions) {
-    const std::vector<double> depths_a = DepthsInSecond(earlier, a);
-    for (const TwoViewCandidate& b : later.motions) {
-      const DepthAgreement agreement = Compare(depths_a, DepthsInFirst(later, b), options_.max_scale_spread);
-      if (getenv("DBG")) fprintf(stderr, "DBG      %d-%d-%d motion %zu %zu: %d of %d agree\n", earlier.first->index, earlier.second->index, later.second->index, &a-&earlier.motions[0], &b-&later.motions[0], agreement.num_agreeing, agreement.num_common);
-      if (agreement.num_agreeing < options_.min_agreeing * agreement.num_common) continue;
-      if (agreement.num_agreeing > choice.num_agreeing) {
-        choice.num_rival = choice.num_agreeing;
-        choice.motion = &a;
-        choice.num_agreeing = agreement.num_agreeing;
-      } else {
-        choice.num_rival = std::max(choice.num_rival, agreement.num_agreeing);
-      }
-    }
-  }
-  return choice;
+  frames_.push_back(frame);
 }
 
 Initialization SparseBeginning::AddFrame(const FramePtr& frame) {
@@ -79,13 +62,9 @@ Initialization SparseBeginning::AddFrame(const FramePtr& frame) {
     if (later.second != frame) continue;
     for (const PhotoPair& earlier : pairs_) {
       if (earlier.second != later.first) continue;
-      const Choice choice = Decide(earlier, later);
-      if (choice.num_agreeing < options_.min_common) continue;
-      if (choice.num_rival > options_.max_rival * choice.num_agreeing) {
-        none.reason = none.cause = LossReason::kAmbiguous;
-        continue;
-      }
-      return BeginningOf(earlier, *choice.motion);
+      const MotionVote vote = Vote(earlier, later, options_);
+      if (vote.IsClear()) return BeginningOf(earlier, vote.Winner());
+      if (vote.HasWinner()) none.reason = none.cause = LossReason::kAmbiguous;
     }
   }
   return none;

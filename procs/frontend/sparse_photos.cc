@@ -1,31 +1,28 @@
 #include "procs/frontend/sparse_photos.h"
 
 #include <algorithm>
-#include <numeric>
 
+#include "libs/base/median.h"
 #include "procs/frontend/profiler.h"
 
 namespace mapmend {
 namespace {
 
 constexpr size_t kMaxConverted = 4;  // one is at hand, others are asked for once more when a beginning fails
-
-// Two photos of the same ground have so many of their strongest features in common.
-constexpr int kNumStrongest = 1000;
-constexpr int kMinAlike = 12;
-
-std::vector<int> Strongest(const Frame& frame) {
-  std::vector<int> indices(std::min(kNumStrongest, frame.features.Size()));
-  std::iota(indices.begin(), indices.end(), 0);
-  return indices;
-}
+constexpr size_t kNumIntervals = 5;  // that tell how images come
 
 }  // namespace
 
 void SparsePhotos::OnFrame(const FramePtr& photo) {
-  come_ = has_last_ && static_cast<double>(photo->utime - last_utime_) >= 1e6 * options_.min_interval_s;
-  last_utime_ = photo->utime;
-  has_last_ = true;
+  utimes_.push_back(photo->utime);
+  if (utimes_.size() > kNumIntervals + 1) utimes_.pop_front();
+}
+
+bool SparsePhotos::ComeAtIntervals() const {
+  std::vector<double> intervals;  // s
+  for (size_t i = 1; i < utimes_.size(); ++i)
+    intervals.push_back(1e-6 * static_cast<double>(utimes_[i] - utimes_[i - 1]));
+  return !intervals.empty() && Median(std::move(intervals)) >= options_.min_interval_s;
 }
 
 FramePtr SparsePhotos::Converted(const FramePtr& photo) {
@@ -38,28 +35,49 @@ FramePtr SparsePhotos::Converted(const FramePtr& photo) {
   return converted_.back();
 }
 
-void SparsePhotos::LeaveOver(const FramePtr& frame) {
-  if (std::find(leftovers_.begin(), leftovers_.end(), frame) == leftovers_.end()) leftovers_.push_back(frame);
-  while (leftovers_.size() > static_cast<size_t>(options_.max_leftovers)) leftovers_.pop_front();
+FramePtr SparsePhotos::ConvertLeftover(const FramePtr& photo) {
+  FramePtr frame = Converted(photo);
+  leftovers_.Add(frame);
+  return frame;
 }
 
-void SparsePhotos::OnPose(const FramePtr& frame) {
-  std::erase(leftovers_, frame);
-}
-
-std::vector<FramePtr> SparsePhotos::Alike(const FramePtr& frame) const {
-  const std::vector<int> strongest_here = Strongest(*frame);
-  std::vector<std::pair<int, FramePtr>> found;
-  for (const FramePtr& f : leftovers_) {
-    if (f == frame) continue;
-    const auto matches = MatchBruteForce(frame->features, f->features, {}, strongest_here, Strongest(*f));
-    if (static_cast<int>(matches.size()) >= kMinAlike) found.emplace_back(static_cast<int>(matches.size()), f);
+Initialization SparsePhotos::AddFrame(const FramePtr& photo) {
+  Initialization none;
+  none.reason = LossReason::kTooFewMatches;
+  if (!convert_) return none;
+  if (!ComeAtIntervals()) {
+    waiting_ = {photo};
+    return none;
   }
-  std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
-  std::vector<FramePtr> alike;
-  for (size_t i = 0; i < std::min(found.size(), static_cast<size_t>(options_.max_recovered)); ++i)
-    alike.push_back(found[i].second);
-  return alike;
+  for (const FramePtr& before : waiting_) {
+    if (before->image) beginning_.Keep(ConvertLeftover(before));
+  }
+  waiting_.clear();
+  return beginning_.AddFrame(ConvertLeftover(photo));
+}
+
+void SparsePhotos::Keep(const FramePtr& frame) {
+  if (!convert_) return;
+  if (frame->photo) {
+    beginning_.Keep(frame);
+  } else {
+    if (!ComeAtIntervals()) waiting_.clear();
+    waiting_.push_back(frame);
+  }
+}
+
+void SparsePhotos::ClearBeginning() {
+  beginning_.Clear();
+  waiting_.clear();
+}
+
+void SparsePhotos::OnBegin(const WorkingMap& map) {
+  for (const WorkingKeyframe& keyframe : map.Keyframes()) OnPose(keyframe.frame);
+}
+
+void SparsePhotos::NoteMistake(const WorkingMap& map) {
+  beginning_.NoteMistake(map.Keyframes()[0].frame, map.Keyframes()[1].frame);
+  for (const WorkingKeyframe& keyframe : map.Keyframes()) leftovers_.Add(keyframe.frame);
 }
 
 }  // namespace mapmend

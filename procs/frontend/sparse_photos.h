@@ -3,66 +3,95 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <limits>
 #include <utility>
 #include <vector>
 
 #include "libs/base/range.h"
 #include "libs/features/wide_features.h"
-#include "procs/frontend/frame.h"
-#include "procs/frontend/photo_pair.h"
+#include "procs/frontend/leftover_photos.h"
+#include "procs/frontend/pair_extension.h"
+#include "procs/frontend/sparse_beginning.h"
 
 namespace mapmend {
 
 struct SparsePhotosOptions {
-  double min_interval_s = 0.4;  // between two images: less, and it is a video; there is no time for wide features
-  int confirm_frames = 1;       // photos that must be tracked in a new submap before it is believed
-  int max_keyframes = 30;       // of the submap, newest first, that a photo is matched with
-  int max_leftovers = 100;      // photos without a pose that are kept for submaps that come later, half a megabyte each
-  int max_recovered = 3;        // of them, that are looked for with a new photo
+  double min_interval_s = 1;  // between images, median: less, and it is a video; there is no time for wide features
+  int confirm_frames = 1;     // photos that must be tracked in a new submap before it is believed, beside the first two
+  int max_keyframes = 30;     // of the submap, newest first, that a photo is matched with
   WideExtractionOptions extraction = {.max_features = 8000, .contrast_threshold = 0.01};
   PhotoPairOptions pairs;
+  LeftoverPhotosOptions leftovers;
 
   template <typename Visitor>
   void Visit(Visitor& v) {
     v("min_interval_s", min_interval_s, AtLeast(0), "s");
     v("confirm_frames", confirm_frames, Range(0, 10000), "frames");
     v("max_keyframes", max_keyframes, Range(1, 10000), "keyframes");
-    v("max_leftovers", max_leftovers, Range(0, 100000), "photos");
-    v("max_recovered", max_recovered, Range(0, 10000), "photos");
     v("extraction", extraction);
     v("pairs", pairs);
+    v("leftovers", leftovers);
   }
 };
 
 // Photos of a survey that overlap by 60 to 75 %: from one to the next hardly a feature of ORB's is left, while wide
 // ones still hold. Where ORB finds no beginning in images that come at intervals, the same images with wide features
-// are tried, and a submap that began with them goes on with them. Does nothing before Enable.
+// are tried, and a submap that began with them goes on with them: a sparse one. Does nothing before Enable.
 class SparsePhotos {
  public:
   using Convert = std::function<FramePtr(const FramePtr& photo)>;
 
-  explicit SparsePhotos(const SparsePhotosOptions& options) : options_(options) {}
+  SparsePhotos(const SparsePhotosOptions& options, const Pinhole& camera, const Pyramid& pyramid)
+      : options_(options),
+        beginning_(options.pairs, camera, pyramid),
+        extension_(options.pairs, camera, pyramid),
+        leftovers_(options.leftovers) {}
 
   // convert gives the same image with wide features.
   void Enable(Convert convert) { convert_ = std::move(convert); }
-  // Every image, in order.
+  // Every image, in order, before anything else is done with it.
   void OnFrame(const FramePtr& photo);
-  // Whether images come as photos, and may be converted.
-  bool Come() const { return convert_ && come_; }
   // The newest ones are kept.
   FramePtr Converted(const FramePtr& photo);
-  // A converted photo has no pose; it has one now.
-  void LeaveOver(const FramePtr& frame);
-  void OnPose(const FramePtr& frame);
-  // Photos without a pose that look like this one, most alike first.
-  std::vector<FramePtr> Alike(const FramePtr& frame) const;
+
+  // A photo without a pose. With success: a beginning, to which it belongs as well.
+  Initialization AddFrame(const FramePtr& photo);
+  // A frame that was tracked in a submap that is not believed yet.
+  void Keep(const FramePtr& frame);
+  void ClearBeginning();
+  // Photos since the loss, oldest first.
+  const std::deque<FramePtr>& Frames() const { return beginning_.Frames(); }
+  // A sparse submap has begun; it was a mistake; it is believed.
+  void OnBegin(const WorkingMap& map);
+  void NoteMistake(const WorkingMap& map);
+  void OnBelieved() { have_taken_over_ = true; }
+  // There is a sparse submap that is believed: no others are begun any more.
+  bool HaveTakenOver() const { return have_taken_over_; }
+
+  // As Tracker::Track, for a photo that has too few points for it.
+  TrackResult Extend(const std::vector<KeyframeIndex>& hints, const FramePtr& frame, const WorkingMap& map) const {
+    return extension_.Track(hints, frame, map);
+  }
+  void OnPose(const FramePtr& frame) { leftovers_.Remove(frame); }
+  // Photos without a pose that look like this frame, most alike first.
+  std::vector<FramePtr> Leftovers(const Frame& frame) const { return leftovers_.Alike(frame); }
 
  private:
+  bool ComeAtIntervals() const;
+  FramePtr ConvertLeftover(const FramePtr& photo);
+
   SparsePhotosOptions options_;
+  SparseBeginning beginning_;
+  PairExtension extension_;
+  LeftoverPhotos leftovers_;
   Convert convert_;
-  int64_t last_utime_ = 0;
-  bool has_last_ = false, come_ = false;
-  std::deque<FramePtr> converted_, leftovers_;
+  std::deque<int64_t> utimes_;  // of the newest images
+  std::deque<FramePtr> converted_;
+  std::vector<FramePtr> waiting_;  // since the loss, that are converted if the next one finds no beginning either
+  bool have_taken_over_ = false;
 };
+
+// Whether the submap is one of photos with wide features.
+inline bool IsSparse(const WorkingMap& map) { return map.Keyframes().front().frame->photo != nullptr; }
 
 }  // namespace mapmend

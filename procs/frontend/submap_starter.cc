@@ -45,8 +45,7 @@ std::unique_ptr<WorkingMap> SubmapStarter::Start(const Initialization& initializ
 void SubmapStarter::TrackBetween(const Initialization& initialization, const std::deque<FramePtr>& frames,
                                  WorkingMap* map) {
   auto at = std::find(frames.begin(), frames.end(), initialization.first);
-  for (at = at == frames.end() ? at : at + 1; at != frames.end(); ++at) {
-    if (*at == initialization.second) continue;
+  for (at = at == frames.end() ? at : at + 1; at != frames.end() && *at != initialization.second; ++at) {
     const TrackResult result = tracker_->TrackAfterwards({kStart, kSecond}, **at, map);
     if (result.success) publisher_->NoteFrame(*map, **at, result);
   }

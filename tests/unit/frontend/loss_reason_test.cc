@@ -167,6 +167,7 @@ TEST(LossReason, TextsAreWhatRecordsAndEventsSay) {
                                "end_of_input"};
   for (size_t i = 0; i < std::size(texts); ++i) EXPECT_EQ(ToString(static_cast<LossReason>(i)), texts[i]);
   EXPECT_EQ(ToString(TrackMethod::kDescriptors), "descriptors");
+  EXPECT_EQ(ToString(TrackMethod::kPair), "pair");
 }
 
 }  // namespace loss_reason_test
