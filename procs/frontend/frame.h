@@ -69,12 +69,15 @@ struct Frame {
   FeatureGrid grid;
   // Grey, for wide features; null: not kept, or let go of, which is all of a frame that ever changes.
   mutable std::shared_ptr<const cv::Mat> image;
+  mutable std::shared_ptr<const cv::Mat> colors;  // each fourth pixel of each fourth row; as long as image
   mutable HeldOriginal original;  // until the frame is published as a keyframe; let go of as the grey one is
   // The same image with other features, which holds both images in this one's place; null: this one does.
   std::shared_ptr<const Frame> photo;
 };
 
 using FramePtr = std::shared_ptr<const Frame>;
+
+inline void LetGoOfImage(const Frame& frame) { frame.image = frame.colors = nullptr; }
 
 // The frame that holds the images of this one.
 inline const FramePtr& HolderOf(const FramePtr& frame) { return frame->photo ? frame->photo : frame; }

@@ -51,6 +51,21 @@ std::shared_ptr<const cv::Mat> KeptImage(const cv::Mat& grey) {
   return kept;
 }
 
+std::shared_ptr<const cv::Mat> SomePixels(const cv::Mat& pixels) {
+  constexpr double kShare = 0.25;  // of width and height
+  const auto some = std::make_shared<cv::Mat>();
+  cv::resize(pixels, *some, {}, kShare, kShare, cv::INTER_NEAREST);
+  return some;
+}
+
+std::array<uint8_t, 3> ColorAt(const cv::Mat& pixels, double x, double y) {
+  const int column = std::clamp(static_cast<int>(std::lround(x)), 0, pixels.cols - 1);
+  const int row = std::clamp(static_cast<int>(std::lround(y)), 0, pixels.rows - 1);
+  const uint8_t* p = pixels.ptr<uint8_t>(row) + ptrdiff_t{column} * pixels.channels();
+  if (pixels.channels() == 1) return {*p, *p, *p};
+  return {p[2], p[1], p[0]};
+}
+
 }  // namespace
 
 FramePtr FrameMaker::Make(const SourceImage& image) const {
@@ -67,7 +82,10 @@ FramePtr FrameMaker::Make(const SourceImage& image) const {
   if (pixels.channels() == 3) cv::cvtColor(pixels, grey, cv::COLOR_BGR2GRAY);
   if (pixels.channels() == 4) cv::cvtColor(pixels, grey, cv::COLOR_BGRA2GRAY);
   auto frame = std::make_shared<Frame>();
-  if (keep_images_) frame->image = KeptImage(grey);
+  if (keep_images_) {
+    frame->image = KeptImage(grey);
+    frame->colors = SomePixels(pixels);
+  }
   if (keep_originals_) {
     frame->original.Set({image.jpeg, image.jpeg ? nullptr : image.pixels, image.pixels->cols, image.pixels->rows});
   }
@@ -79,14 +97,7 @@ FramePtr FrameMaker::Make(const SourceImage& image) const {
   std::vector<Eigen::Vector2f> distorted;
   for (const Keypoint& k : raw.keypoints) {
     distorted.push_back(k.pixel);
-    const int x = std::clamp(static_cast<int>(std::lround(k.pixel.x())), 0, pixels.cols - 1);
-    const int y = std::clamp(static_cast<int>(std::lround(k.pixel.y())), 0, pixels.rows - 1);
-    const uint8_t* p = pixels.ptr<uint8_t>(y) + ptrdiff_t{x} * pixels.channels();
-    if (pixels.channels() == 1) {
-      frame->features.colors.push_back({*p, *p, *p});
-    } else {
-      frame->features.colors.push_back({p[2], p[1], p[0]});
-    }
+    frame->features.colors.push_back(ColorAt(pixels, k.pixel.x(), k.pixel.y()));
   }
   std::vector<bool> seen;
   const std::vector<Eigen::Vector2f> undistorted = camera_.Undistort(distorted, &seen);
@@ -98,23 +109,30 @@ FramePtr FrameMaker::Make(const SourceImage& image) const {
   return frame;
 }
 
-WideFeatures FrameMaker::ExtractWide(const cv::Mat& image, const WideExtractionOptions& options) const {
+WideFeatures FrameMaker::ExtractWide(const cv::Mat& image, const WideExtractionOptions& options,
+                                     std::vector<Eigen::Vector2f>* distorted) const {
   cv::Mat mask;
   if (mask_) cv::resize(*mask_, mask, image.size(), 0, 0, cv::INTER_NEAREST);
   WideFeatures features = ExtractWideFeatures(image, mask_ ? &mask : nullptr, options);
   const float scale = static_cast<float>(camera_.width) / static_cast<float>(image.cols);
   const auto larger = static_cast<int>(std::lround(WideKeypoint::kSizesPerOctave * std::log2(scale)));
-  std::vector<Eigen::Vector2f> distorted;
+  distorted->clear();
   for (WideKeypoint& k : features.keypoints) {
-    distorted.emplace_back(scale * (k.pixel.x() + 0.5F) - 0.5F, scale * (k.pixel.y() + 0.5F) - 0.5F);
+    distorted->emplace_back(scale * (k.pixel.x() + 0.5F) - 0.5F, scale * (k.pixel.y() + 0.5F) - 0.5F);
     k.size = static_cast<uint8_t>(std::min(255, k.size + larger));
   }
   std::vector<bool> seen;
-  const std::vector<Eigen::Vector2f> undistorted = camera_.Undistort(distorted, &seen);
+  const std::vector<Eigen::Vector2f> undistorted = camera_.Undistort(*distorted, &seen);
   for (size_t i = 0; i < undistorted.size(); ++i) features.keypoints[i].pixel = undistorted[i];
+  Keep(seen, distorted);
   Keep(seen, &features.keypoints);
   Keep(seen, &features.descriptors);
   return features;
+}
+
+WideFeatures FrameMaker::ExtractWide(const cv::Mat& image, const WideExtractionOptions& options) const {
+  std::vector<Eigen::Vector2f> distorted;
+  return ExtractWide(image, options, &distorted);
 }
 
 FramePtr FrameMaker::WithWideFeatures(const FramePtr& photo, const WideExtractionOptions& options) const {
@@ -124,15 +142,11 @@ FramePtr FrameMaker::WithWideFeatures(const FramePtr& photo, const WideExtractio
   frame->mean_brightness = photo->mean_brightness;
   frame->sharpness = photo->sharpness;
   frame->photo = photo;
-  const std::shared_ptr<const cv::Mat> image = photo->image;
-  frame->features = SignaturesOf(ExtractWide(*image, options), extractor_.ImagePyramid());
-  const double scale = static_cast<double>(image->cols) / camera_.width;
-  for (const Keypoint& k : frame->features.keypoints) {
-    const int x = std::clamp(static_cast<int>(std::lround(scale * k.pixel.x())), 0, image->cols - 1);
-    const int y = std::clamp(static_cast<int>(std::lround(scale * k.pixel.y())), 0, image->rows - 1);
-    const uint8_t grey = image->at<uint8_t>(y, x);
-    frame->features.colors.push_back({grey, grey, grey});
-  }
+  std::vector<Eigen::Vector2f> distorted;
+  frame->features = SignaturesOf(ExtractWide(*photo->image, options, &distorted), extractor_.ImagePyramid());
+  const double share = static_cast<double>(photo->colors->cols) / camera_.width;
+  for (const Eigen::Vector2f& pixel : distorted)
+    frame->features.colors.push_back(ColorAt(*photo->colors, share * pixel.x(), share * pixel.y()));
   frame->grid = FeatureGrid(frame->features.keypoints, camera_.width, camera_.height);
   return frame;
 }

@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <utility>
+#include <vector>
 
 #include "libs/capture/image_stream.h"
 #include "libs/features/orb_extractor.h"
@@ -35,6 +36,10 @@ class FrameMaker {
   FramePtr WithWideFeatures(const FramePtr& photo, const WideExtractionOptions& options) const;
 
  private:
+  // distorted: where the features are in the image as it came.
+  WideFeatures ExtractWide(const cv::Mat& image, const WideExtractionOptions& options,
+                           std::vector<Eigen::Vector2f>* distorted) const;
+
   int input_width_, input_height_;
   Camera camera_;
   OrbExtractor extractor_;

@@ -95,13 +95,13 @@ void WideRequests::RequestKeyframes(const WorkingMap& map, bool last) {
 
 void WideRequests::LetGo(size_t num_held, const WorkingMap* map) {
   while (newest_.size() > static_cast<size_t>(options_.max_images)) {
-    if (!IsIn(newest_.front(), held_)) newest_.front()->image = nullptr;
+    if (!IsIn(newest_.front(), held_)) LetGoOfImage(*newest_.front());
     newest_.pop_front();
   }
   // Those that were first are still wanted until they are asked for.
   if (map != nullptr && !first_requested_ && map->Id().value > 0) return;
   for (; held_.size() > num_held; held_.pop_front()) {
-    if (!IsIn(held_.front(), newest_)) held_.front()->image = nullptr;
+    if (!IsIn(held_.front(), newest_)) LetGoOfImage(*held_.front());
   }
 }
 

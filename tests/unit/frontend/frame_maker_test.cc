@@ -52,5 +52,39 @@ TEST(FrameMaker, NoFeaturesUnderTheMask) {
   for (const Keypoint& k : frame->features.keypoints) EXPECT_GE(k.pixel.y(), 149.0f);
 }
 
+// Left half red, right half blue.
+TEST(FrameMaker, WideFeaturesTakeThePlaceOfThoseOfOrb) {
+  const SourceImage grey = Noise();
+  const cv::Mat none(grey.pixels->size(), CV_8UC1, cv::Scalar(0));
+  cv::Mat left = grey.pixels->clone(), right = grey.pixels->clone();
+  left.colRange(200, 400).setTo(0);
+  right.colRange(0, 200).setTo(0);
+  auto pixels = std::make_shared<cv::Mat>();
+  cv::merge(std::vector<cv::Mat>{right, none, left}, *pixels);
+  const Camera camera = MakeCamera(-0.1);
+  const FrameMaker maker(camera, camera, OrbOptions(), nullptr, true);
+  const FramePtr photo = maker.Make({3, 7000, pixels});
+  const FramePtr wide = maker.WithWideFeatures(photo, {.max_features = 500, .contrast_threshold = 0.01});
+  EXPECT_EQ(wide->index, 3);
+  EXPECT_EQ(wide->utime, 7000);
+  EXPECT_EQ(wide->photo, photo);
+  EXPECT_EQ(HolderOf(wide), photo) << "it holds the images";
+  EXPECT_GT(wide->features.Size(), 200);
+  ASSERT_EQ(wide->features.keypoints.size(), wide->features.descriptors.size());
+  ASSERT_EQ(wide->features.keypoints.size(), wide->features.colors.size());
+  int num_left = 0;
+  for (int i = 0; i < wide->features.Size(); ++i) {
+    const Keypoint& k = wide->features.keypoints[i];
+    const double x = camera.Project(camera.Ideal().Unproject(k.pixel.cast<double>())).x();
+    const auto& [red, green, blue] = wide->features.colors[i];
+    EXPECT_EQ(green, 0);
+    if (x < 196) EXPECT_EQ(blue, 0) << x;
+    if (x > 204) EXPECT_EQ(red, 0) << x;
+    num_left += x < 200;
+  }
+  EXPECT_GT(num_left, 50);
+  EXPECT_GT(wide->features.Size() - num_left, 50);
+}
+
 }  // namespace frame_maker_test
 }  // namespace mapmend
