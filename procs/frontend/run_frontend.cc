@@ -186,7 +186,7 @@ std::string SessionFor(const RunOptions& options) {
 
 FrontendOptions FrontendOptionsFor(const RunOptions& options) {
   FrontendOptions frontend = options.frontend;
-  frontend.starter.initializer.seed = frontend.tracker.seed = options.seed;
+  frontend.starter.initializer.seed = frontend.tracker.seed = frontend.sparse.pairs.seed = options.seed;
   frontend.mapping_thread = options.mode != InputMode::kLockstep;
   return frontend;
 }

@@ -52,7 +52,7 @@ TEST(FrameMaker, NoFeaturesUnderTheMask) {
   for (const Keypoint& k : frame->features.keypoints) EXPECT_GE(k.pixel.y(), 149.0f);
 }
 
-// Left half red, right half blue.
+// Left half red, right half green.
 TEST(FrameMaker, WideFeaturesTakeThePlaceOfThoseOfOrb) {
   const SourceImage grey = Noise();
   const cv::Mat none(grey.pixels->size(), CV_8UC1, cv::Scalar(0));
@@ -60,7 +60,7 @@ TEST(FrameMaker, WideFeaturesTakeThePlaceOfThoseOfOrb) {
   left.colRange(200, 400).setTo(0);
   right.colRange(0, 200).setTo(0);
   auto pixels = std::make_shared<cv::Mat>();
-  cv::merge(std::vector<cv::Mat>{right, none, left}, *pixels);
+  cv::merge(std::vector<cv::Mat>{none, right, left}, *pixels);
   const Camera camera = MakeCamera(-0.1);
   const FrameMaker maker(camera, camera, OrbOptions(), nullptr, true);
   const FramePtr photo = maker.Make({3, 7000, pixels});
@@ -77,8 +77,8 @@ TEST(FrameMaker, WideFeaturesTakeThePlaceOfThoseOfOrb) {
     const Keypoint& k = wide->features.keypoints[i];
     const double x = camera.Project(camera.Ideal().Unproject(k.pixel.cast<double>())).x();
     const auto& [red, green, blue] = wide->features.colors[i];
-    EXPECT_EQ(green, 0);
-    EXPECT_TRUE(x >= 196 || blue == 0) << x;
+    EXPECT_EQ(blue, 0);
+    EXPECT_TRUE(x >= 196 || green == 0) << x;
     EXPECT_TRUE(x <= 204 || red == 0) << x;
     num_left += x < 200;
   }
