@@ -64,7 +64,7 @@ TEST(FrameMaker, WideFeaturesTakeThePlaceOfThoseOfOrb) {
   const Camera camera = MakeCamera(-0.1);
   const FrameMaker maker(camera, camera, OrbOptions(), nullptr, true);
   const FramePtr photo = maker.Make({3, 7000, pixels});
-  const FramePtr wide = maker.WithWideFeatures(photo, {.max_features = 500, .contrast_threshold = 0.01});
+  const FramePtr wide = maker.WithWideFeatures(photo, {.max_features = 5000, .contrast_threshold = 0.01});
   EXPECT_EQ(wide->index, 3);
   EXPECT_EQ(wide->utime, 7000);
   EXPECT_EQ(wide->photo, photo);
