@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "procs/frontend/profiler.h"
+#include "procs/frontend/reach.h"
 
 namespace mapmend {
 namespace {
@@ -153,17 +154,16 @@ double Frontend::MedianDepth(const TrackResult& tracked) const {
   return depths[depths.size() / 2];
 }
 
-std::vector<KeyframeIndex> Frontend::Hints() const {
+std::vector<KeyframeIndex> Frontend::Hints(int num_newest) const {
   std::vector<KeyframeIndex> hints = {last_reference_};
-  const int num_hints = IsSparse(*map_) ? options_.sparse.max_keyframes : kNumHints;
-  for (KeyframeIndex k = last_keyframe_; !k.IsNone() && last_keyframe_ - k < num_hints; --k) {
+  for (KeyframeIndex k = last_keyframe_; !k.IsNone() && last_keyframe_ - k < num_newest; --k) {
     if (k != last_reference_ && !map_->Keyframe(k).removed) hints.push_back(k);
   }
   return hints;
 }
 
 TrackResult Frontend::Track(const FramePtr& frame) {
-  std::vector<KeyframeIndex> hints = Hints();
+  std::vector<KeyframeIndex> hints = Hints(kNumHints);
   const bool relocalises = options_.relocalise_only && lost_.Count() >= options_.max_lost_frames;
   if (relocalises) {
     const std::vector<KeyframeIndex> alike = relocaliser_.Candidates(*map_, *frame);
@@ -171,8 +171,8 @@ TrackResult Frontend::Track(const FramePtr& frame) {
   }
   motion_.Refresh(*map_);
   const std::optional<Rigid3> prediction = lost_.Count() == 0 ? motion_.Predict(frame->utime) : std::nullopt;
-  TrackResult result = tracker_.Track(prediction, hints, *frame, map_.get());
-  if (!result.success && IsSparse(*map_)) result = sparse_.Extend(hints, frame, *map_);
+  TrackResult result =
+      IsSparse(*map_) ? TrackSparse(prediction, frame) : tracker_.Track(prediction, hints, *frame, map_.get());
   if (result.success && relocalises && result.num_inliers < options_.relocaliser.min_inliers) {
     result.success = false;
     result.reason = LossReason::kTooFewInliers;
@@ -183,6 +183,22 @@ TrackResult Frontend::Track(const FramePtr& frame) {
     result.reason = LossReason::kInconsistentMotion;
   }
   return result;
+}
+
+// With all keyframes, as strips lie side by side; where that leads too far away, with the newest ones.
+TrackResult Frontend::TrackSparse(const std::optional<Rigid3>& prediction, const FramePtr& frame) {
+  TrackResult elsewhere;
+  elsewhere.reason = LossReason::kInconsistentMotion;
+  bool is_elsewhere = false;
+  for (const int num_newest : {options_.sparse.max_keyframes, kNumHints}) {
+    const std::vector<KeyframeIndex> hints = Hints(num_newest);
+    TrackResult result = tracker_.Track(prediction, hints, *frame, map_.get());
+    if (!result.success) result = sparse_.Extend(hints, frame, *map_);
+    if (!result.success) return is_elsewhere ? elsewhere : result;
+    if (IsWithinReach(*map_, frame->utime, result.cam_from_submap.Center(), options_.sparse.max_speed)) return result;
+    is_elsewhere = true;
+  }
+  return elsewhere;
 }
 
 FrameOutcome Frontend::OnTracked(const FramePtr& frame, const TrackResult& result) {
@@ -246,7 +262,10 @@ void Frontend::RecoverLeftovers() {
     for (const FramePtr& frame : sparse_.Leftovers(*map_->Keyframe(k).frame)) {
       TrackResult result = tracker_.TrackAfterwards({k}, *frame, map_.get());
       if (!result.success) result = sparse_.Extend({k}, frame, *map_);
-      if (!result.success) continue;
+      if (!result.success ||
+          !IsWithinReach(*map_, frame->utime, result.cam_from_submap.Center(), options_.sparse.max_speed)) {
+        continue;
+      }
       InsertKeyframe(frame, result);
       sparse_.OnPose(frame);
     }

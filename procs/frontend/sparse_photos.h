@@ -19,6 +19,7 @@ struct SparsePhotosOptions {
   double min_interval_s = 1;  // between images, median: less, and it is a video; there is no time for wide features
   int confirm_frames = 1;     // photos that must be tracked in a new submap before it is believed, beside the first two
   int max_keyframes = 30;     // of the submap, newest first, that a photo is matched with
+  double max_speed = 4;  // of the usual one, from a photo to those before and after it: faster, and it is elsewhere
   WideExtractionOptions extraction = {.max_features = 8000, .contrast_threshold = 0.01};
   PhotoPairOptions pairs;
   LeftoverPhotosOptions leftovers;
@@ -28,6 +29,7 @@ struct SparsePhotosOptions {
     v("min_interval_s", min_interval_s, AtLeast(0), "s");
     v("confirm_frames", confirm_frames, Range(0, 10000), "frames");
     v("max_keyframes", max_keyframes, Range(1, 10000), "keyframes");
+    v("max_speed", max_speed, MoreThan(0), "of the usual one");
     v("extraction", extraction);
     v("pairs", pairs);
     v("leftovers", leftovers);

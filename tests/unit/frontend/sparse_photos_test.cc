@@ -104,7 +104,7 @@ TEST(SparsePhotos, OneThatWasLeftOverIsFoundFromTheNextStrip) {
   SparseRun run(2);
   for (int i = 0; i < 4; ++i) run.See(SparseFlight::kStep * i, 0);
   const int left_over = 4;
-  EXPECT_EQ(run.See(1, 2.6).state, FrontendState::kLost);
+  EXPECT_EQ(run.See(3 * SparseFlight::kStep, 2.3).state, FrontendState::kLost);
   for (int i = 3; i >= 0; --i) run.See(SparseFlight::kStep * i, 0.8);
   EXPECT_FALSE(run.Tracked().contains(left_over));
   for (int i = 0; i < 4; ++i) run.See(SparseFlight::kStep * i, 1.7);
@@ -112,6 +112,17 @@ TEST(SparsePhotos, OneThatWasLeftOverIsFoundFromTheNextStrip) {
   EXPECT_TRUE(run.Tracked().contains(left_over));
   EXPECT_EQ(run.Tracked().size(), 13u);
   EXPECT_LE(session.submaps.size(), 2u);
+}
+
+// It shows ground that looks like that of the beginning.
+TEST(SparsePhotos, APhotoOfAPlaceThatIsTooFarAwayIsNotTracked) {
+  SparseRun run(3);
+  for (int i = 0; i < 8; ++i) run.See(SparseFlight::kStep * i, 0);
+  const FrameOutcome outcome = run.See(0.1, 0);
+  EXPECT_EQ(outcome.state, FrontendState::kLost);
+  EXPECT_EQ(outcome.reason, LossReason::kInconsistentMotion);
+  run.Finish();
+  EXPECT_EQ(run.Tracked().size(), 8u);
 }
 
 }  // namespace sparse_photos_test
