@@ -336,9 +336,10 @@ void Frontend::WaitToRelocalise() {
 }
 
 bool Frontend::NeedsKeyframe(const TrackResult& tracked) const {
+  if (!tracked.new_points.empty()) return true;
   const bool is_busy = mapping_ && mapping_->NumUnfinished() > 0;
   if (is_busy && !keyframes_.IsUrgent(tracked.num_inliers)) return false;
-  return !tracked.new_points.empty() || keyframes_.NeedsKeyframe(keyframes_.Measure(*map_, tracked));
+  return keyframes_.NeedsKeyframe(keyframes_.Measure(*map_, tracked));
 }
 
 void Frontend::InsertKeyframe(const FramePtr& frame, const TrackResult& tracked) {

@@ -28,7 +28,9 @@ class LeftoverPhotos {
   explicit LeftoverPhotos(const LeftoverPhotosOptions& options) : options_(options) {}
 
   void Add(const FramePtr& frame);
-  void Remove(const FramePtr& frame) { std::erase(frames_, frame); }
+  void Remove(const FramePtr& frame) {
+    std::erase_if(frames_, [&](const FramePtr& f) { return f->photo == frame->photo; });
+  }
   // Those that look like this one, most alike first.
   std::vector<FramePtr> Alike(const Frame& frame) const;
 

@@ -58,7 +58,7 @@ void LocalMapper::FuseNeighbourhood(KeyframeIndex keyframe, const std::vector<Ke
 
 void LocalMapper::CullRecentPoints(KeyframeIndex keyframe, WorkingMap* map) const {
   const StageTimer timer("map/cull");
-  if (map->Keyframe(keyframe).frame->photo) return;
+  if (map->Keyframe(keyframe).frame->photo) return;  // few points of sparse photos are seen more than twice
   const int num_points = static_cast<int>(map->Points().size());
   for (PointIndex i(0); i < num_points; ++i) {
     const WorkingPoint& point = map->Point(i);
