@@ -171,8 +171,7 @@ TrackResult Frontend::Track(const FramePtr& frame) {
   }
   motion_.Refresh(*map_);
   const std::optional<Rigid3> prediction = lost_.Count() == 0 ? motion_.Predict(frame->utime) : std::nullopt;
-  TrackResult result =
-      IsSparse(*map_) ? TrackSparse(prediction, frame) : tracker_.Track(prediction, hints, *frame, map_.get());
+  TrackResult result = IsSparse(*map_) ? TrackSparse(frame) : tracker_.Track(prediction, hints, *frame, map_.get());
   if (result.success && relocalises && result.num_inliers < options_.relocaliser.min_inliers) {
     result.success = false;
     result.reason = LossReason::kTooFewInliers;
@@ -186,14 +185,13 @@ TrackResult Frontend::Track(const FramePtr& frame) {
 }
 
 // With all keyframes, as strips lie side by side; where that leads too far away, with the newest ones.
-TrackResult Frontend::TrackSparse(const std::optional<Rigid3>& prediction, const FramePtr& frame) {
+TrackResult Frontend::TrackSparse(const FramePtr& frame) {
   TrackResult elsewhere;
   elsewhere.reason = LossReason::kInconsistentMotion;
   bool is_elsewhere = false;
   for (const int num_newest : {options_.sparse.max_keyframes, kNumHints}) {
     const std::vector<KeyframeIndex> hints = Hints(num_newest);
-    TrackResult result = tracker_.Track(prediction, hints, *frame, map_.get());
-    if (!result.success) result = sparse_.Extend(hints, frame, *map_);
+    const TrackResult result = sparse_.Track(tracker_, hints, frame, map_.get());
     if (!result.success) return is_elsewhere ? elsewhere : result;
     if (IsWithinReach(*map_, frame->utime, result.cam_from_submap.Center(), options_.sparse.max_speed)) return result;
     is_elsewhere = true;
@@ -260,8 +258,7 @@ void Frontend::RecoverLeftovers() {
   const KeyframeIndex last_keyframe = last_keyframe_, last_reference = last_reference_;
   for (KeyframeIndex k = last_keyframe; k <= map_->LastKeyframe(); ++k) {
     for (const FramePtr& frame : sparse_.Leftovers(*map_->Keyframe(k).frame)) {
-      TrackResult result = tracker_.TrackAfterwards({k}, *frame, map_.get());
-      if (!result.success) result = sparse_.Extend({k}, frame, *map_);
+      const TrackResult result = sparse_.Track(tracker_, {k}, frame, map_.get());
       if (!result.success ||
           !IsWithinReach(*map_, frame->utime, result.cam_from_submap.Center(), options_.sparse.max_speed)) {
         continue;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -136,7 +135,7 @@ class Frontend {
   FrameOutcome Initialise(const FramePtr& frame);
   FrameOutcome TrackFrame(const FramePtr& photo);
   TrackResult Track(const FramePtr& frame);
-  TrackResult TrackSparse(const std::optional<Rigid3>& prediction, const FramePtr& frame);
+  TrackResult TrackSparse(const FramePtr& frame);
   std::vector<KeyframeIndex> Hints(int num_newest) const;
   // With the third photo of a beginning, in the submap of the other two.
   FrameOutcome TrackThird(const FramePtr& photo);

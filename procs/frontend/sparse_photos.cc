@@ -56,6 +56,12 @@ Initialization SparsePhotos::AddFrame(const FramePtr& photo) {
   return beginning_.AddFrame(ConvertLeftover(photo));
 }
 
+TrackResult SparsePhotos::Track(const Tracker& tracker, const std::vector<KeyframeIndex>& hints, const FramePtr& frame,
+                                WorkingMap* map) const {
+  TrackResult result = tracker.TrackAfterwards(hints, *frame, map);
+  return result.success ? result : extension_.Track(hints, frame, *map);
+}
+
 void SparsePhotos::Keep(const FramePtr& frame) {
   if (!convert_) return;
   if (frame->photo) {

@@ -70,10 +70,11 @@ class SparsePhotos {
   // There is a sparse submap that is believed: no others are begun any more.
   bool HaveTakenOver() const { return have_taken_over_; }
 
-  // As Tracker::Track, for a photo that has too few points for it.
-  TrackResult Extend(const std::vector<KeyframeIndex>& hints, const FramePtr& frame, const WorkingMap& map) const {
-    return extension_.Track(hints, frame, map);
-  }
+  // The pose of a photo in a sparse submap, by its points or else by its pair with a keyframe. A photo is not believed
+  // more easily than a frame of the past: none that follows soon would tell that it was wrong; and the motion since the
+  // last one predicts nothing where features are so dense.
+  TrackResult Track(const Tracker& tracker, const std::vector<KeyframeIndex>& hints, const FramePtr& frame,
+                    WorkingMap* map) const;
   void OnPose(const FramePtr& frame) { leftovers_.Remove(frame); }
   // Photos without a pose that look like this frame, most alike first.
   std::vector<FramePtr> Leftovers(const Frame& frame) const { return leftovers_.Alike(frame); }
