@@ -79,7 +79,8 @@ FrameOutcome Frontend::Initialise(const FramePtr& frame) {
   FrameOutcome outcome;
   const Initialization initialization = AddToBeginning(frame);
   outcome.reason = initialization.reason;
-  outcome.cause = initialization.success ? LossReason::kNotConfirmed : diagnosis_.OfBeginning(*frame, initialization);
+  outcome.cause =
+      diagnosis_.OfBeginning(*frame, initialization.success ? LossReason::kNotConfirmed : initialization.cause);
   Begin(initialization, &outcome);
   return map_ && IsSparse(*map_) ? TrackThird(frame) : outcome;
 }
@@ -135,7 +136,7 @@ FrameOutcome Frontend::TrackThird(const FramePtr& photo) {
   AbandonSubmap();
   FrameOutcome outcome;
   outcome.reason = result.reason;
-  outcome.abandoned = outcome.cause = diagnosis_.OfGivingUp(result.reason);
+  outcome.abandoned = outcome.cause = diagnosis_.OfBeginning(*HolderOf(frame), diagnosis_.OfGivingUp(result.reason));
   return outcome;
 }
 

@@ -2,12 +2,12 @@
 
 namespace mapmend {
 
-LossReason LossDiagnosis::OfBeginning(const Frame& frame, const Initialization& initialization) const {
+LossReason LossDiagnosis::OfBeginning(const Frame& frame, LossReason cause) const {
   if (frame.mean_brightness < options_.dark) return LossReason::kDarkness;
   if (IsSmall()) return LossReason::kSmallImages;
   if (static_cast<int>(frame.features.Size()) < options_.min_features) return LossReason::kTooFewFeatures;
   if (frame.sharpness < options_.unsharp) return LossReason::kBlur;
-  return initialization.cause;
+  return cause;
 }
 
 LossReason LossDiagnosis::OfTracking(const Frame& frame, const MotionModel& motion, LossReason tracker_reason) const {

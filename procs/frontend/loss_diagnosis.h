@@ -31,7 +31,7 @@ class LossDiagnosis {
   LossDiagnosis(const LossDiagnosisOptions& options, int image_width) : options_(options), image_width_(image_width) {}
 
   // Of a frame that began no submap.
-  LossReason OfBeginning(const Frame& frame, const Initialization& initialization) const;
+  LossReason OfBeginning(const Frame& frame, LossReason cause) const;
   // Of a frame that was not tracked. motion: with the last frame that was.
   LossReason OfTracking(const Frame& frame, const MotionModel& motion, LossReason tracker_reason) const;
   // Of a submap that was given up because this became of its next frame.
