@@ -11,7 +11,8 @@
 namespace mapmend {
 
 struct PhotoPairOptions {
-  int min_points = 30;                // that a motion between the two must explain
+  // That a motion between the two must explain; the map of a beginning needs as many as with ORB, all the same.
+  int min_points = 30;
   double min_median_angle_deg = 1.5;  // between the rays to them
   double max_sigma = kChi2Dof95;      // reprojection error of what is explained, in sigma of its octave
   MotionRankingOptions ranking;

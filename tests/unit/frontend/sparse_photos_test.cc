@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 #include <opencv2/core.hpp>
 #include <set>
@@ -90,6 +91,12 @@ TEST(SparsePhotos, AStripBecomesOneSubmap) {
     const double expected = (run.Truth(i).Center() - run.Truth(0).Center()).norm();
     EXPECT_NEAR(scale * (centers[i] - centers[0]).norm(), expected, 0.03 * expected) << i;
   }
+  // Where no third photo can confirm them, points of two stay.
+  const auto of_two = [](const auto& entry) {
+    const auto& observations = entry.second.observations;
+    return observations.size() == 2 && observations.back().keyframe <= KeyframeId(1);
+  };
+  EXPECT_GT(std::count_if(submap.points.begin(), submap.points.end(), of_two), 100) << "of the first two";
 }
 
 TEST(SparsePhotos, AVideoIsLeftAlone) {
@@ -112,6 +119,20 @@ TEST(SparsePhotos, OneThatWasLeftOverIsFoundFromTheNextStrip) {
   EXPECT_TRUE(run.Tracked().contains(left_over));
   EXPECT_EQ(run.Tracked().size(), 13u);
   EXPECT_LE(session.submaps.size(), 2u);
+}
+
+// The camera cannot have been there and back again between two photos.
+TEST(SparsePhotos, OneThatWasTooFarAwayStaysLeftOver) {
+  SparseRun run(2);
+  for (int i = 0; i < 4; ++i) run.See(SparseFlight::kStep * i, 0);
+  const int left_over = 4;
+  run.See(3 * SparseFlight::kStep, 3);
+  for (const double y : {0.8, 1.6, 2.4}) {
+    for (int i = 3; i >= 0; --i) run.See(SparseFlight::kStep * i, y);
+  }
+  run.Finish();
+  EXPECT_FALSE(run.Tracked().contains(left_over));
+  EXPECT_EQ(run.Tracked().size(), 16u);
 }
 
 // It shows ground that looks like that of the beginning.
