@@ -122,6 +122,8 @@ struct ConnectedFrames {
   std::vector<std::pair<MapPointId, MapPointId>> common_points;  // (a's, b's), ascending, each point at most once
   // Connected by wide features, not by map points: then there are no matches and no pairs of map points. Null: by ORB.
   std::shared_ptr<const WideCommonPoints> wide;
+  // Connected by how the camera moved across a gap (motion_bridge.h): there is nothing that both have seen.
+  bool by_motion = false;
 };
 
 // Verifies one proposed pair. a and b may view the same submap (loop closure): then points in common beforehand do not

@@ -84,12 +84,46 @@ void EstimateWide(const Submap& a, const ConnectionOptions& options, Connection*
   c->strength = ConnectionStrength(c->num_connected_frames, c->num_common_points, c->median_angle_deg);
   c->probes = Thinned(first->wide->in_a, kMaxProbes);
   c->viewing_distance = ViewingDistance(*c, a);
-  c->reason = kWideReason + first->reason;
+  c->reason = ReasonPrefix(c->kind) + first->reason;
   if (c->strength < options.min_strength) {
     c->reason += Format("; strength %.1f is below %.1f", c->strength, options.min_strength);
     return;
   }
   c->verdict = Connection::Verdict::kAccepted;
+}
+
+// Nothing that both have seen stands for it: of the paper's strength only F is left, so that everything else is taken
+// first.
+void EstimateMotion(const Submap& a, Connection* c) {
+  const ConnectedFrames* first = nullptr;
+  for (size_t i = 0; i < c->evidence.size(); ++i) {
+    c->agrees[i] = c->evidence[i].by_motion;
+    if (!c->agrees[i]) continue;
+    if (first == nullptr) first = &c->evidence[i];
+    ++c->num_connected_frames;
+  }
+  c->b_from_a = first->b_from_a;
+  c->information = first->information;
+  c->strength = ConnectionStrength(c->num_connected_frames, 0, 0);
+  const auto keyframe = a.keyframes.find(first->keyframe_a);
+  std::vector<Eigen::Vector3d> seen;
+  if (keyframe != a.keyframes.end()) {
+    for (const MapPointId id : keyframe->second.map_points) {
+      if (const auto point = a.points.find(id); point != a.points.end())
+        seen.push_back(point->second.position.cast<double>());
+    }
+  }
+  c->probes = Thinned(seen, kMaxProbes);
+  c->viewing_distance = ViewingDistance(*c, a);
+  c->reason = ReasonPrefix(c->kind) + first->reason;
+  c->verdict = Connection::Verdict::kAccepted;
+}
+
+ConnectionKind KindOfEvidence(const std::vector<ConnectedFrames>& evidence) {
+  const auto any = [&](const auto& holds) { return std::any_of(evidence.begin(), evidence.end(), holds); };
+  if (any([](const ConnectedFrames& e) { return e.wide != nullptr; })) return ConnectionKind::kWide;
+  if (any([](const ConnectedFrames& e) { return e.by_motion; })) return ConnectionKind::kMotion;
+  return ConnectionKind::kOrb;
 }
 
 // Says so where the edge leaves much open: it is used all the same, since nothing better is known.
@@ -184,10 +218,13 @@ void EstimateConnection(const SubmapView& a, const SubmapView& b, const Connecti
     return;
   }
 
-  c->is_wide =
-      std::any_of(c->evidence.begin(), c->evidence.end(), [](const ConnectedFrames& e) { return e.wide != nullptr; });
-  if (c->is_wide) {
-    EstimateWide(*a.submap, options, c);
+  c->kind = KindOfEvidence(c->evidence);
+  if (c->kind != ConnectionKind::kOrb) {
+    if (c->kind == ConnectionKind::kWide) {
+      EstimateWide(*a.submap, options, c);
+    } else {
+      EstimateMotion(*a.submap, c);
+    }
     if (c->verdict == Connection::Verdict::kAccepted) JudgeSeam(*a.submap, *b.submap, options, c);
     return;
   }

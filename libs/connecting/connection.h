@@ -20,10 +20,10 @@ struct Connection : EvaluatedConnection {
 
   // Estimated from all evidence that agrees, as are F, M, theta, C and b_from_a.
   Matrix7d information = Matrix7d::Zero();
-  std::vector<char> agrees;             // per evidence
-  std::vector<Eigen::Vector3d> probes;  // some common points, frame of a, spread over the evidence
-  double viewing_distance = 1;          // units of a
-  bool is_wide = false;                 // found by wide features; then `reason` begins with kWideReason
+  std::vector<char> agrees;                    // per evidence
+  std::vector<Eigen::Vector3d> probes;         // some common points, frame of a, spread over the evidence
+  double viewing_distance = 1;                 // units of a
+  ConnectionKind kind = ConnectionKind::kOrb;  // `reason` begins with its ReasonPrefix
 };
 
 // What is announced of a connection: without the evidence, but with the pairs of keyframes that agree.

@@ -107,7 +107,7 @@ ConnectionGraph::ActiveEdges ConnectionGraph::Estimate(const Sessions& sessions,
     if (IsDisabled(pair)) {
       connection.verdict = Connection::Verdict::kDeactivated;
       connection.reason =
-          (connection.is_wide ? kWideReason : "") + ("switched off by hand; would be used: " + connection.reason);
+          ReasonPrefix(connection.kind) + ("switched off by hand; would be used: " + connection.reason);
       continue;
     }
     active.edges.push_back({index.at(pair.older), index.at(pair.younger), connection.strength, connection.b_from_a,
@@ -133,7 +133,7 @@ std::vector<const Connection*> ConnectionGraph::Solve(const Sessions& sessions, 
   for (size_t i = 0; i < active.connections.size(); ++i) {
     if (consistent.active[i]) continue;
     active.connections[i]->verdict = Connection::Verdict::kDeactivated;
-    active.connections[i]->reason = (active.connections[i]->is_wide ? kWideReason : "") + consistent.reason[i];
+    active.connections[i]->reason = ReasonPrefix(active.connections[i]->kind) + consistent.reason[i];
   }
   tree_.clear();
   for (const int e : consistent.forest.edges) {

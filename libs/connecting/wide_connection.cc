@@ -223,7 +223,7 @@ WideConnection VerifyWideConnection(const WideSide& a, const WideSide& b, double
     return connection;
   }
   ConnectedFrames& failure = connection.frames.emplace_back();
-  failure.reason = kWideReason + connection.reason;
+  failure.reason = ReasonPrefix(ConnectionKind::kWide) + connection.reason;
   failure.num_matches = r.num_alike;
   failure.num_inliers = r.num_solid;
   failure.num_ransac_inliers = r.num_solid;

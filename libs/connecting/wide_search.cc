@@ -118,7 +118,7 @@ bool WideSearch::AreApart(const ConnectionGraph& graph, const SubmapKey& a, cons
 bool WideSearch::IsWeak(const ConnectionGraph& graph, const SubmapKey& a, const SubmapKey& b) const {
   const auto known = graph.connections().find(MakePair(*sessions_, a, b));
   return known != graph.connections().end() && known->second.verdict == Connection::Verdict::kAccepted &&
-         !known->second.is_wide && known->second.num_common_points < options_.weak_common_points;
+         known->second.kind == ConnectionKind::kOrb && known->second.num_common_points < options_.weak_common_points;
 }
 
 bool WideSearch::Verify(const SideKey& a, const SideKey& b, ConnectionGraph* graph, std::set<SubmapPair>* looked_at) {

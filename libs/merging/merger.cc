@@ -106,6 +106,7 @@ void Merger::Complete() {
   ConnectionGraph graph = graph_.WithoutConnections();
   std::set<SubmapPair> looked_at = search_.SearchAll(&graph);
   looked_at.merge(wide_search_.Bridge(&graph));
+  looked_at.merge(BridgeByMotion(sessions_, options_.motion, &graph));
   graph_ = std::move(graph);
   refinement_.Forget();
   complete_ = true;

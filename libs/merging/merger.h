@@ -10,6 +10,7 @@
 #include "libs/base/range.h"
 #include "libs/connecting/connection_graph.h"
 #include "libs/connecting/connection_search.h"
+#include "libs/connecting/motion_bridge.h"
 #include "libs/connecting/wide_search.h"
 #include "libs/merging/refinement_schedule.h"
 #include "libs/merging/refinement_task.h"
@@ -35,6 +36,7 @@ struct MergerOptions {
   ConnectionGraphOptions graph;
   RefinementScheduleOptions refinement;
   WideSearchOptions wide;
+  MotionBridgeOptions motion;
 
   template <typename Visitor>
   void Visit(Visitor& v) {
@@ -43,6 +45,7 @@ struct MergerOptions {
     v("graph", graph);
     v("refinement", refinement);
     v("wide", wide);
+    v("motion", motion);
   }
   // Empty, or one line that names the first option that is wrong.
   std::string Check() const;

@@ -41,16 +41,18 @@ struct EvaluatedConnection {
   bool operator==(const EvaluatedConnection&) const = default;
 };
 
-// Begins the reason of a connection that wide features have found; the wire form and old files have no other place for
-// it.
-inline constexpr char kWideReason[] = "wide features: ";
-bool IsWide(const EvaluatedConnection& connection);
+// How a connection was found: by map points that look alike, by wide features, or by how the camera moved before and
+// behind a part that shows too little.
+enum class ConnectionKind { kOrb, kWide, kMotion };
+// Begins the reason of a connection of this kind; the wire form and old files have no other place for it.
+const char* ReasonPrefix(ConnectionKind kind);
+ConnectionKind KindOf(const EvaluatedConnection& connection);
+// "orb", "wide", "motion".
+const char* ToString(ConnectionKind kind);
 // Likewise stands in the reason of a connection that is used although its own uncertainty moves the far end of a submap
 // visibly.
 inline constexpr char kWeakReason[] = "; weak: ";
 bool IsWeak(const EvaluatedConnection& connection);
-// How a connection was found: "orb", or "wide".
-const char* KindOf(const EvaluatedConnection& connection);
 // "accepted", "rejected", "deactivated".
 const char* ToString(EvaluatedConnection::Verdict verdict);
 

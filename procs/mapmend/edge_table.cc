@@ -105,7 +105,7 @@ std::string EdgeTable::Json(const std::vector<EdgeDecision>& decisions) const {
                              {"C", c->strength},
                              {"scale", c->b_from_a.scale},
                              {"verdict", ToString(c->verdict)},
-                             {"kind", KindOf(*c)},
+                             {"kind", ToString(KindOf(*c))},
                              {"weak", IsWeak(*c)},
                              {"in_tree", c->in_tree},
                              {"reason", c->reason}});

@@ -24,7 +24,9 @@ std::string EdgeLabel(const EvaluatedConnection& c) {
   char text[128];
   std::snprintf(text, sizeof(text), "F %d  M %d  θ %.1f°\\nC %.1f", c.num_connected_frames, c.num_common_points,
                 c.median_angle_deg, c.strength);
-  return text + std::string(IsWide(c) ? "\\nwide" : "") + (IsWeak(c) ? "\\nweak" : "");
+  std::string label = text;
+  if (KindOf(c) != ConnectionKind::kOrb) label += std::string("\\n") + ToString(KindOf(c));
+  return label + (IsWeak(c) ? "\\nweak" : "");
 }
 
 }  // namespace

@@ -133,10 +133,11 @@ void DrawLabel(const Snapshot& snapshot, const Bracket& bracket, Canvas* canvas)
   // Half-way between two rows, where no bracket turns.
   const Vector2d center(bracket.x, RowY(bracket.label_row) + kRow / 2);
   // One word has room in the label; the description has the other.
-  const char* note = IsWeak(c) ? " · weak" : IsWide(c) ? " · wide" : "";
+  const bool is_usual = KindOf(c) == ConnectionKind::kOrb && !IsWeak(c);
+  const std::string note = is_usual ? "" : std::string(" · ") + (IsWeak(c) ? "weak" : ToString(KindOf(c)));
   char first[64], second[96];
   std::snprintf(first, sizeof(first), "%d – %d · C %.1f%s", snapshot.submaps[bracket.edge->a].number,
-                snapshot.submaps[bracket.edge->b].number, c.strength, note);
+                snapshot.submaps[bracket.edge->b].number, c.strength, note.c_str());
   std::snprintf(second, sizeof(second), "F %d · M %d · θ %.1f°", c.num_connected_frames, c.num_common_points,
                 c.median_angle_deg);
   canvas->BeginGroup(Describe(snapshot, *bracket.edge));

@@ -198,7 +198,7 @@ Json DescribeEdge(const MapModel& model, const EvaluatedConnection& c, bool disa
   return {{"a", PageKey(model, c.a)},
           {"b", PageKey(model, c.b)},
           {"verdict", ToString(c.verdict)},
-          {"kind", KindOf(c)},
+          {"kind", ToString(KindOf(c))},
           {"weak", IsWeak(c)},
           {"reason", c.reason},
           {"tree", c.in_tree},

@@ -132,7 +132,7 @@ OrderedJson Connections(const Snapshot& snapshot, const std::vector<GraphEdge>& 
                            {"candidates", c.num_candidates},
                            {"reprojection_error_px", c.median_error_px},
                            {"verdict", ToString(c.verdict)},
-                           {"kind", KindOf(c)},
+                           {"kind", ToString(KindOf(c))},
                            {"weak", IsWeak(c)},
                            {"reason", c.reason},
                            {"in_tree", c.in_tree}});

@@ -113,9 +113,9 @@ TEST(WideSearch, JoinsWhatNothingElseHasJoined) {
   ASSERT_EQ(graph.connections().size(), 1u);
   const Connection& c = graph.connections().begin()->second;
   ASSERT_EQ(c.verdict, Connection::Verdict::kAccepted) << c.reason;
-  EXPECT_TRUE(c.is_wide);
+  EXPECT_EQ(c.kind, ConnectionKind::kWide);
   EXPECT_TRUE(c.in_tree);
-  EXPECT_TRUE(c.reason.starts_with(kWideReason)) << c.reason;
+  EXPECT_TRUE(c.reason.starts_with(ReasonPrefix(ConnectionKind::kWide))) << c.reason;
   EXPECT_EQ(graph.forest().num_components, 1);
   const Similarity3 truth = flight.submap_from_world()[1] * flight.submap_from_world()[0].Inverse();
   EXPECT_NEAR(c.b_from_a.scale / truth.scale, 1, 0.02);
@@ -145,7 +145,7 @@ TEST(WideSearch, APersonsWordCounts) {
   search.Bridge(&graph);
   const Connection& c = graph.connections().begin()->second;
   EXPECT_EQ(c.verdict, Connection::Verdict::kDeactivated) << c.reason;
-  EXPECT_TRUE(c.reason.starts_with(kWideReason)) << c.reason;
+  EXPECT_TRUE(c.reason.starts_with(ReasonPrefix(ConnectionKind::kWide))) << c.reason;
   EXPECT_EQ(graph.forest().num_components, 2);
 }
 

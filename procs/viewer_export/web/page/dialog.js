@@ -3,6 +3,8 @@ import {cameraOf} from "/page/similarity.js";
 import {at, chip, clockTime, dateTime, element} from "/page/words.js";
 import {edgeText, verdictText} from "/page/graph.js";
 
+const kFoundBy = {orb: "ORB", wide: "wide features", motion: "how the camera moved"};
+
 let token = sessionStorage.getItem("mapmend-token") ?? "";
 
 function open(title, ...content) {
@@ -59,7 +61,7 @@ export function showEdge(map, name, run, onKeyframe) {
   const edge = map.edges.get(name);
   if (!edge) return;
   const a = map.submaps.get(edge.a), b = map.submaps.get(edge.b);
-  const facts = [["Verdict", verdictText(edge)], ["Strength", edgeText(edge)], ["Found by", edge.kind === "wide" ? "wide features" : "ORB"], ["Inliers", String(edge.inliers)],
+  const facts = [["Verdict", verdictText(edge)], ["Strength", edgeText(edge)], ["Found by", kFoundBy[edge.kind] ?? edge.kind], ["Inliers", String(edge.inliers)],
     ["Candidates", String(edge.candidates)], ["Error", edge.inliers > 0 ? `${edge.error_px.toFixed(2)} px` : "–"], ["Seen first", edge.since >= 0 ? clockTime(edge.since) : "–"]];
   const row = (submap, id) => {
     const {keyframes} = submap;
