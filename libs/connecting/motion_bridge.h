@@ -15,7 +15,7 @@ struct MotionBridgeOptions {
   // Of what both gaps and both shapes say about each other: the sum of squares, in sigma (90 % with 7 degrees of
   // freedom).
   double max_squared_disagreement = 12;
-  RelationSigmas max_open = {0.05, 0.05, 0.05};  // what may stay open of where the part lies, one sigma
+  RelationSigmas max_open = {0.05, 0.05, 0.06};  // what may stay open of where the part lies, one sigma
 
   template <typename Visitor>
   void Visit(Visitor& v) {
