@@ -100,13 +100,17 @@ enum Vertex { kBefore = 0, kFirst = 1, kLast = 2, kAfter = 3 };
 // From the camera behind a gap to the one before it. A guess that has never been wrong still is one.
 PoseGraphEdge GapEdge(int before, int behind, const BridgedGap& gap, double depth) {
   constexpr RelationSigmas kLeast = {0.002, 0.002, 0.5};
+  // Tracking is lost where the camera moves unevenly, and quiet pieces of its path do not show that.
+  constexpr double kUneven = 0.25;
   PoseGraphEdge edge;
   edge.a = behind;
   edge.b = before;
   edge.b_from_a = Similarity3(gap.before_from_after) *
                   Similarity3(gap.scale, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
-  edge.sigma_rotation = std::max(kLeast.rotation, gap.sigma_angle / std::sqrt(3.0));
-  edge.sigma_translation = std::max(kLeast.translation * depth, gap.sigma_position / std::sqrt(3.0));
+  edge.sigma_rotation = std::max(
+      {kLeast.rotation, gap.sigma_angle / std::sqrt(3.0), kUneven * RotationAngle(gap.before_from_after.rotation)});
+  edge.sigma_translation = std::max({kLeast.translation * depth, gap.sigma_position / std::sqrt(3.0),
+                                     kUneven * gap.before_from_after.translation.norm()});
   // Equal speed on both sides is a first guess, which a gust changes: the length between the two gaps tells the scale.
   edge.sigma_scale = std::max(kLeast.scale, gap.sigma_scale);
   return edge;

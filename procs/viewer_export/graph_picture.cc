@@ -133,8 +133,10 @@ void DrawLabel(const Snapshot& snapshot, const Bracket& bracket, Canvas* canvas)
   // Half-way between two rows, where no bracket turns.
   const Vector2d center(bracket.x, RowY(bracket.label_row) + kRow / 2);
   // One word has room in the label; the description has the other.
-  const bool is_usual = KindOf(c) == ConnectionKind::kOrb && !IsWeak(c);
-  const std::string note = is_usual ? "" : std::string(" · ") + (IsWeak(c) ? "weak" : ToString(KindOf(c)));
+  const ConnectionKind kind = KindOf(c);
+  std::string note;
+  if (kind != ConnectionKind::kOrb) note = std::string(" · ") + ToString(kind);
+  if (IsWeak(c) && kind != ConnectionKind::kMotion) note = " · weak";
   char first[64], second[96];
   std::snprintf(first, sizeof(first), "%d – %d · C %.1f%s", snapshot.submaps[bracket.edge->a].number,
                 snapshot.submaps[bracket.edge->b].number, c.strength, note.c_str());
