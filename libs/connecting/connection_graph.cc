@@ -106,8 +106,7 @@ ConnectionGraph::ActiveEdges ConnectionGraph::Estimate(const Sessions& sessions,
     if (connection.verdict != Connection::Verdict::kAccepted) continue;
     if (IsDisabled(pair)) {
       connection.verdict = Connection::Verdict::kDeactivated;
-      connection.reason =
-          ReasonPrefix(connection.kind) + ("switched off by hand; would be used: " + connection.reason);
+      connection.reason = ReasonPrefix(connection.kind) + ("switched off by hand; would be used: " + connection.reason);
       continue;
     }
     active.edges.push_back({index.at(pair.older), index.at(pair.younger), connection.strength, connection.b_from_a,
