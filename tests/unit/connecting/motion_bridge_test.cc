@@ -20,11 +20,11 @@ SubmapKey Key(int submap) { return {kSession, SubmapId(submap)}; }
 
 // One strip, a keyframe a second and 6 m, that was lost for a moment twice. The camera behind the second gap has not
 // seen what was seen before the first one.
-SyntheticFlight Flight(const Eigen::Vector2d& end_of_part = {250, 200}) {
+SyntheticFlight Flight(const Eigen::Vector2d& end_of_part = {250, 200}, const Similarity3& last = Frame(0.05, 1.7)) {
   SyntheticFlight flight(kSession, 1000, Terrain(), {});
   flight.AddSubmap(Strip({40, 200}, {142, 200}, 80, 18, 90), Frame(0.02, 0.3));
   flight.AddSubmap(Strip({148, 200}, end_of_part, 80, 18, 90), Frame(0.3, -0.9));
-  flight.AddSubmap(Strip({256, 200}, {358, 200}, 80, 18, 90), Frame(0.05, 1.7));
+  flight.AddSubmap(Strip({256, 200}, {358, 200}, 80, 18, 90), last);
   flight.End();
   return flight;
 }
@@ -78,8 +78,9 @@ TEST(MotionBridge, APartBetweenJoinedStretchesIsPlacedByTheCamerasMotion) {
   }
 }
 
+// Not even if both lie where they belong, as if by chance.
 TEST(MotionBridge, BetweenStretchesThatNothingJoinsItStaysApart) {
-  const SyntheticFlight flight = Flight();
+  const SyntheticFlight flight = Flight({250, 200}, Frame(0.02, 0.3));
   const Sessions sessions{{kSession, flight.Model()}};
   ConnectionGraph graph{ConnectionGraphOptions{}};
   EXPECT_TRUE(BridgeByMotion(sessions, {}, &graph).empty());
@@ -115,6 +116,18 @@ TEST(MotionBridge, WhatStaysOpenIsBounded) {
     options.max_open.*bound = 1e-6;
     EXPECT_TRUE(BridgeByMotion(sessions, options, &graph).empty());
   }
+}
+
+// However evenly the camera flew before and behind: 6 m of 80 were flown across each gap.
+TEST(MotionBridge, AQuarterOfTheWayAcrossAGapStaysOpen) {
+  const SyntheticFlight flight = Flight();
+  const Sessions sessions{{kSession, flight.Model()}};
+  ConnectionGraph graph = JoinedAround(flight, sessions);
+  MotionBridgeOptions options;
+  options.max_open.translation = 0.01;
+  EXPECT_TRUE(BridgeByMotion(sessions, options, &graph).empty());
+  options.max_open.translation = 0.025;
+  EXPECT_FALSE(BridgeByMotion(sessions, options, &graph).empty());
 }
 
 TEST(MotionBridge, APersonsWordCounts) {
