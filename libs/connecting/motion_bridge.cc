@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "libs/base/options.h"
 #include "libs/base/text_format.h"
 #include "libs/connecting/merged_transforms.h"
 #include "libs/geometry/gap_in_path.h"
@@ -21,6 +20,7 @@ namespace {
 struct TracedFrame {
   int64_t utime = 0;
   SubmapKey submap;
+  size_t vertex = 0;  // of the submap
   KeyframeId keyframe;
   Rigid3 cam_from_submap;
 };
@@ -32,46 +32,44 @@ struct Stretch {
   std::vector<PathPose> path;  // in the frame of the component
 };
 
+// Per vertex of the graph.
 struct Places {
-  std::vector<SubmapKey> keys;
   std::vector<int> component;
-  std::vector<MergedPlace> places;
-
-  size_t Index(const SubmapKey& key) const {
-    return static_cast<size_t>(std::find(keys.begin(), keys.end(), key) - keys.begin());
-  }
+  std::vector<Similarity3> root_from_submap;
 };
 
-Places FindPlaces(const Sessions& sessions, const ConnectionGraph& graph) {
+Places FindPlaces(const ConnectionGraph& graph) {
   Places found;
-  found.keys = SubmapsByAge(sessions);
   found.component = graph.forest().component;
-  found.places = ComposeAlongForest(static_cast<int>(found.keys.size()), graph.tree());
+  for (const MergedPlace& place : ComposeAlongForest(static_cast<int>(found.component.size()), graph.tree()))
+    found.root_from_submap.push_back(place.root_from_vertex);
   return found;
 }
 
 // Of one flight, in the order of time.
-std::vector<Stretch> FindStretches(const Session& session, const Places& places) {
+std::vector<Stretch> FindStretches(const Session& session, const std::vector<SubmapKey>& vertices,
+                                   const Places& places) {
   std::vector<TracedFrame> frames;
-  for (const auto& [id, submap] : session.submaps) {
+  for (size_t vertex = 0; vertex < vertices.size(); ++vertex) {
+    if (vertices[vertex].session != session.id) continue;
+    const Submap& submap = session.submaps.at(vertices[vertex].submap);
     if (!submap.ended) return {};
     for (const TrackedFrame& frame : submap.frames) {
       const TrackedFrame resolved = submap.Resolved(frame);
-      frames.push_back({frame.utime, {session.id, id}, resolved.keyframe, submap.CamFromSubmap(frame)});
+      frames.push_back({frame.utime, vertices[vertex], vertex, resolved.keyframe, submap.CamFromSubmap(frame)});
     }
   }
   std::stable_sort(frames.begin(), frames.end(),
                    [](const TracedFrame& l, const TracedFrame& r) { return l.utime < r.utime; });
   std::vector<Stretch> stretches;
   for (TracedFrame& frame : frames) {
-    const size_t index = places.Index(frame.submap);
-    if (stretches.empty() || stretches.back().component != places.component[index])
-      stretches.push_back({places.component[index], {}, {}});
+    const int component = places.component[frame.vertex];
+    if (stretches.empty() || stretches.back().component != component) stretches.push_back({component, {}, {}});
     Stretch& stretch = stretches.back();
     const double seconds = 1e-6 * static_cast<double>(frame.utime - session.start_utime);
     if (!stretch.path.empty() && seconds <= stretch.path.back().seconds) continue;
     const Similarity3 root_from_cam =
-        places.places[index].root_from_vertex * Similarity3(frame.cam_from_submap.Inverse());
+        places.root_from_submap[frame.vertex] * Similarity3(frame.cam_from_submap.Inverse());
     stretch.path.push_back({seconds, Rigid3(root_from_cam.rotation, root_from_cam.translation)});
     stretch.frames.push_back(std::move(frame));
   }
@@ -83,7 +81,7 @@ double DepthAt(const Sessions& sessions, const Places& places, const TracedFrame
   const Submap& submap = *ViewSubmap(sessions, frame.submap).submap;
   const auto keyframe = submap.keyframes.find(frame.keyframe);
   const double depth = keyframe == submap.keyframes.end() ? 0 : MedianDepth(submap, keyframe->second);
-  return depth * places.places[places.Index(frame.submap)].root_from_vertex.scale;
+  return depth * places.root_from_submap[frame.vertex].scale;
 }
 
 double WayAlong(const std::vector<PathPose>& path) {
@@ -225,7 +223,7 @@ void Bridge::Add(const TracedFrame& outside, Vertex at_outside, const TracedFram
                  ConnectionGraph* graph) const {
   // Cameras are as large as their components: the submaps' own scales go in beside.
   const auto submap_from_cam = [&](const TracedFrame& frame) {
-    const double scale = places_.places[places_.Index(frame.submap)].root_from_vertex.scale;
+    const double scale = places_.root_from_submap[frame.vertex].scale;
     return Similarity3(frame.cam_from_submap.Inverse()) *
            Similarity3(1 / scale, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
   };
@@ -240,7 +238,7 @@ void Bridge::Add(const TracedFrame& outside, Vertex at_outside, const TracedFram
   frames.keyframe_b = b.keyframe;
   frames.b_from_a = outside_is_older ? outside_from_inside.Inverse() : outside_from_inside;
   RelationSigmas sigmas = open_;
-  sigmas.translation *= depth_ / places_.places[places_.Index(outside.submap)].root_from_vertex.scale;
+  sigmas.translation *= depth_ / places_.root_from_submap[outside.vertex].scale;
   if (outside_is_older) sigmas.translation *= frames.b_from_a.scale;
   frames.information = InformationAt(frames.b_from_a, a.cam_from_submap.Center(), sigmas);
   frames.reason = Format(
@@ -264,9 +262,10 @@ bool IsRuledOut(const ConnectionGraph& graph, const SubmapPair& pair) {
 // Joins the next part that holds, at the two gaps around it; none if there is none. tried: what was added to the graph.
 std::optional<Gaps> BridgeNext(const Sessions& sessions, const MotionBridgeOptions& options,
                                const std::set<Gaps>& tried, ConnectionGraph* graph) {
-  const Places places = FindPlaces(sessions, *graph);
+  const Places places = FindPlaces(*graph);
+  const std::vector<SubmapKey> vertices = SubmapsByAge(sessions);
   for (const auto& [id, session] : sessions) {
-    const std::vector<Stretch> stretches = FindStretches(session, places);
+    const std::vector<Stretch> stretches = FindStretches(session, vertices, places);
     for (size_t i = 1; i + 1 < stretches.size(); ++i) {
       const Stretch &before = stretches[i - 1], &part = stretches[i], &behind = stretches[i + 1];
       if (before.component != behind.component) continue;
@@ -284,8 +283,6 @@ std::optional<Gaps> BridgeNext(const Sessions& sessions, const MotionBridgeOptio
 
 }  // namespace
 
-std::string MotionBridgeOptions::Check() const { return CheckOptions(*this); }
-
 std::set<SubmapPair> BridgeByMotion(const Sessions& sessions, const MotionBridgeOptions& options,
                                     ConnectionGraph* graph) {
   std::set<Gaps> tried;
@@ -293,7 +290,9 @@ std::set<SubmapPair> BridgeByMotion(const Sessions& sessions, const MotionBridge
   if (options.max_gap_s <= 0 || SubmapsByAge(sessions).size() < 3) return looked_at;
   graph->Solve(sessions, {}, false);
   // Each one joins two components, after which others have something to be joined to.
-  while (const std::optional<Gaps> gaps = BridgeNext(sessions, options, tried, graph)) {
+  while (graph->forest().num_components > 1) {
+    const std::optional<Gaps> gaps = BridgeNext(sessions, options, tried, graph);
+    if (!gaps) break;
     tried.insert(*gaps);
     looked_at.insert({gaps->first, gaps->second});
   }

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <set>
-#include <string>
 
 #include "libs/base/range.h"
 #include "libs/connecting/connection_graph.h"
@@ -24,8 +23,6 @@ struct MotionBridgeOptions {
     v("max_squared_disagreement", max_squared_disagreement, MoreThan(0), "sigma^2");
     v("max_open", max_open);
   }
-  // Empty, or one line that names the first option that is wrong.
-  std::string Check() const;
 };
 
 // A part of a flight that shows too little to be recognised (overexposed, dark, blurred, bare), tracked by itself

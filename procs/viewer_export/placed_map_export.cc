@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "libs/connecting/motion_bridge.h"
 #include "libs/connecting/pose_graph_relations.h"
 #include "procs/viewer_export/graph_export.h"
 #include "procs/viewer_export/submap_color.h"
@@ -59,8 +60,11 @@ class RelationLister {
     const auto from = index_.find({a, pair.a}), to = index_.find({b, pair.b});
     if (from == index_.end() || to == index_.end() || from == to) return;  // culled since, or of another component
     if (c.in_tree) kind = PlacedRelation::Kind::kTree;
+    // What the camera's motion leaves open is not told one by one, but at most so much.
+    const RelationSigmas sigmas =
+        KindOf(c) == ConnectionKind::kMotion ? MotionBridgeOptions().max_open : options_.verified;
     Add(kind, VerifiedRelation(*snapshot_.submaps[a].submap, pair.a, from->second, *snapshot_.submaps[b].submap, pair.b,
-                               to->second, c.b_from_a, options_.verified));
+                               to->second, c.b_from_a, sigmas));
   }
 
   // From the units of the submaps into that of the map.
