@@ -65,6 +65,20 @@ TEST(PlacedMapExport, RelationsAgreeWithPosesWhateverTheUnitsOfTheSubmaps) {
   }
 }
 
+TEST(PlacedMapExport, WhatOnlyMotionJoinsIsSaidToBeLoose) {
+  const TestFlight flight;
+  MapModel model = JoinedModel(flight, false);
+  MapRevision map = model.Revision();
+  map.connections[0].reason = ReasonPrefix(ConnectionKind::kMotion) + map.connections[0].reason;
+  model.SetRevision(map);
+  const PlacedMap placed = MakePlacedMap(MakeSnapshot(model), 0);
+  const auto tree = std::find_if(placed.relations.begin(), placed.relations.end(),
+                                 [](const PlacedRelation& relation) { return relation.kind == Kind::kTree; });
+  ASSERT_NE(tree, placed.relations.end());
+  EXPECT_DOUBLE_EQ(tree->sigma_rotation, 0.05);
+  EXPECT_NEAR(tree->sigma_translation * 10, 0.05 * 50, 0.5);
+}
+
 TEST(PlacedMapExport, AMovedMapHasFramesPointsAndLossesInItsFrame) {
   const TestFlight flight;
   const MapModel model = JoinedModel(flight, true);
