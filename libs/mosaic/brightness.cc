@@ -5,6 +5,17 @@
 #include <opencv2/imgproc.hpp>
 
 namespace mapmend {
+namespace {
+
+// The share of an image's pixels of which all channels are at one end of their range.
+double ClippedShare(const cv::Mat& image) {
+  cv::Mat white, black;
+  cv::inRange(image, cv::Scalar::all(kBrightest), cv::Scalar::all(255), white);
+  cv::inRange(image, cv::Scalar::all(0), cv::Scalar::all(kDarkest), black);
+  return (cv::countNonZero(white) + cv::countNonZero(black)) / static_cast<double>(image.total());
+}
+
+}  // namespace
 
 cv::Mat BrightnessImage(const cv::Mat& image) {
   constexpr double kLongerSide = 80;  // pixels
@@ -15,6 +26,14 @@ cv::Mat BrightnessImage(const cv::Mat& image) {
               std::max(1, static_cast<int>(std::lround(share * image.rows)))},
              0, 0, cv::INTER_AREA);
   return small;
+}
+
+void SetClippedAside(const std::vector<cv::Mat>& brightness, GroundScene* scene) {
+  constexpr double kMost = 0.5;
+  for (int i = 0; i < scene->NumImages(); ++i) {
+    const cv::Mat& image = brightness[static_cast<size_t>(i)];
+    if (!image.empty() && ClippedShare(image) > kMost) scene->SetAside(i);
+  }
 }
 
 std::vector<std::vector<BrightnessSample>> SampleBrightness(const GroundScene& scene,

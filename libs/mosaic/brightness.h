@@ -12,6 +12,10 @@ namespace mapmend {
 constexpr int kBrightnessSide = 160;
 cv::Mat BrightnessImage(const cv::Mat& image);
 
+// Sets aside the images of the scene of which more than half is white or black: overexposed, or dark.
+//   brightness  BrightnessImage of each image of the scene; empty: it is not used
+void SetClippedAside(const std::vector<cv::Mat>& brightness, GroundScene* scene);
+
 // What the images show at places all over the ground, for SolveExposure.
 //   brightness  BrightnessImage of each image of the scene; empty: it is not used
 //   num_places  about so many

@@ -9,8 +9,6 @@
 namespace mapmend {
 namespace {
 
-constexpr float kDarkest = 8, kBrightest = 247;  // what is darker or brighter is clipped, and tells no gain
-
 bool IsUsable(const BrightnessSample& sample) {
   return std::all_of(sample.color.begin(), sample.color.end(), [](float c) { return c > kDarkest && c < kBrightest; });
 }

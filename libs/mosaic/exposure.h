@@ -22,6 +22,9 @@ struct ExposureOptions {
   }
 };
 
+// What is darker or brighter, 0 to 255, is clipped, and tells no gain.
+inline constexpr float kDarkest = 8, kBrightest = 247;
+
 // One place of the ground in one image.
 struct BrightnessSample {
   int image = -1;

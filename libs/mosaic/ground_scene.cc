@@ -48,7 +48,8 @@ GroundScene::GroundScene(const GroundSceneOptions& options, std::vector<MosaicIm
     : options_(options),
       images_(std::move(images)),
       excluded_(images_.size(), false),
-      is_leading_(images_.size(), true) {
+      is_leading_(images_.size(), true),
+      is_set_aside_(images_.size(), false) {
   for (size_t i = 0; i < images_.size(); ++i) {
     if (images_[i].id < 0) images_[i].id = static_cast<int>(i);
   }

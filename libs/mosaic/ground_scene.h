@@ -53,8 +53,16 @@ class GroundScene {
   // A flight that takes many images of each place needs few of them: others than the leading ones count for little, so
   // that they show only what no leading one shows but with its border.
   bool IsLeading(int image) const { return is_leading_[static_cast<size_t>(image)]; }
-  double Weight(int image) const { return IsLeading(image) ? 1 : kWeightBesideLeading; }
+  double Weight(int image) const {
+    return is_set_aside_[static_cast<size_t>(image)] ? kWeightSetAside : IsLeading(image) ? 1 : kWeightBesideLeading;
+  }
   static constexpr double kWeightBesideLeading = 0.3;
+  // An image that shows next to nothing is seen only where no other one shows the ground; it does not lead any more.
+  void SetAside(int image) {
+    is_set_aside_[static_cast<size_t>(image)] = true;
+    is_leading_[static_cast<size_t>(image)] = false;
+  }
+  static constexpr double kWeightSetAside = 0.001;
   // Around all that the image shows.
   const GroundBounds& Footprint(int image) const { return footprints_[static_cast<size_t>(image)]; }
   // Around the footprints of all images that are not excluded.
@@ -86,7 +94,7 @@ class GroundScene {
   std::vector<GroundView> views_;
   std::vector<GroundBounds> footprints_;
   std::vector<double> gsds_;
-  std::vector<bool> excluded_, is_leading_;
+  std::vector<bool> excluded_, is_leading_, is_set_aside_;
   std::string problem_;
   GroundSurface surface_;
   Exposure exposure_;

@@ -77,6 +77,7 @@ void Mosaic::EvenExposure(const std::function<void(double share)>& tell) {
     }
     tell(static_cast<double>(i + 1) / NumImages());
   }
+  SetClippedAside(brightness, &scene_);
   scene_.SetExposure(EvenBrightness(scene_, brightness, options_.exposure));
 }
 

@@ -7,6 +7,7 @@
 
 #include "libs/base/text_format.h"
 #include "libs/map_view/image_pixels.h"
+#include "libs/mosaic/brightness.h"
 
 namespace mapmend {
 namespace {
@@ -56,6 +57,7 @@ std::optional<TileComponent> LiveScene::MakeComponent(const Snapshot& snapshot, 
   TileComponent component{part.name, index == 0, GroundScene(options_.ground, std::move(shown), points)};
   if (index == 0) problem_ = component.scene.Problem();
   if (!component.scene.Problem().empty()) return std::nullopt;
+  SetClippedAside(brightness, &component.scene);
   for (int i = 0; i < component.scene.NumImages(); ++i) {
     if (component.scene.IsLeading(i)) leading_.emplace(part.name, component.scene.Image(i).id);
   }

@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
 #include "tests/e2e/map_scenario.h"
 
 namespace mapmend {
@@ -21,6 +24,12 @@ TEST(Overexposed, StretchBetweenJoinedOnesIsPlacedByMotion) {
   EXPECT_GE(main["frames"], 140) << "of 150";
   EXPECT_LT(main["ate_rmse_m"], 0.5) << "from 75 m above";
   EXPECT_LT(main["ate_max_m"], 1.5) << "2 % of that";
+  // The other strip shows nearly all of the same ground, and better.
+  const cv::Mat mosaic = cv::imread(run.out + "/mosaic.png", cv::IMREAD_COLOR);
+  ASSERT_FALSE(mosaic.empty());
+  cv::Mat is_white;
+  cv::inRange(mosaic, cv::Scalar::all(200), cv::Scalar::all(254), is_white);
+  EXPECT_LT(cv::countNonZero(is_white), 0.03 * static_cast<double>(mosaic.total()));
 }
 
 }  // namespace overexposed_test

@@ -128,6 +128,25 @@ TEST(Mosaic, AMissingImageLeavesItsPlaceToTheOthers) {
   EXPECT_EQ(picture.mask.at<uint8_t>(static_cast<int>(below.y()), static_cast<int>(below.x())), 255);
 }
 
+// The second image, which shows the place straight below it best, and its corner of the ground alone.
+TEST(Mosaic, AnOverexposedOrDarkImageIsSeenOnlyWhereNoOtherIs) {
+  const Camera camera = SyntheticGround::MakeCamera();
+  const std::vector<MosaicImage> images = {{camera, SyntheticGround::Above(0, 0, 10)},
+                                           {camera, SyntheticGround::Above(4, 0, 10)}};
+  for (const double gain : {20.0, 0.01}) {
+    Mosaic mosaic({}, images, SyntheticGround::Points(),
+                  [&](int i, int) { return SyntheticGround::View(images[i], i == 1 ? gain : 1); });
+    const Picture picture(&mosaic);
+    const auto at = [&](double x, double y) {
+      const Eigen::Vector2d pixel = mosaic.Raster().Pixel({x, y});
+      return cv::Point(static_cast<int>(pixel.x()), static_cast<int>(pixel.y()));
+    };
+    const cv::Vec3b truth = SyntheticGround::ColorAt(3.5, 0);
+    EXPECT_LT(cv::norm(picture.color.at<cv::Vec3b>(at(3.5, 0)), truth), 20) << "both show it";
+    EXPECT_EQ(picture.mask.at<uint8_t>(at(8, 0)), 255) << "only the second one does";
+  }
+}
+
 TEST(Mosaic, TellsWhyThereIsNone) {
   const auto problem = [](const std::vector<MosaicImage>& images, const std::vector<Eigen::Vector3d>& points) {
     return Mosaic({}, images, points, [](int, int) { return cv::Mat(); }).Problem();
